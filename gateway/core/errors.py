@@ -45,10 +45,10 @@ def _presentable(text: str) -> str:
         return text
     lines = []
     for line in text.split("\n"):
-        short = (
+        shortened = (
             line if len(line) <= _LONGEST_LINE else f"{line[: _LONGEST_LINE // 2]} ... {line[-_LONGEST_LINE // 4 :]}"
         )
-        lines.append("".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in short))
+        lines.append("".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in shortened))
     return "\n".join(lines)
 
 

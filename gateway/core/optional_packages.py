@@ -15,5 +15,5 @@ def require_packages(what: str, extra: str, *names: str) -> None:
     """
     missing = [name for name in names if find_spec(name) is None]
     if missing:
-        are = "which is not installed" if len(missing) == 1 else "which are not installed"
-        raise OutputError(f"{what} needs {' and '.join(missing)}, {are}", f"Install: pip install 'treadlink[{extra}]'")
+        note = "which is not installed" if len(missing) == 1 else "which are not installed"
+        raise OutputError(f"{what} needs {' and '.join(missing)}, {note}", f"Install: pip install 'treadlink[{extra}]'")

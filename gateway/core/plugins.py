@@ -163,11 +163,11 @@ def is_from_user(error: BaseException) -> bool:
     return trace.tb_frame.f_code.co_code[trace.tb_lasti] != _RAISE
 
 
-def _name_refusal(plugin: Plugin, taken: Collection[str]) -> Reason | None:
-    if plugin.name in taken:
+def _name_refusal(plugin: Plugin, taken_names: Collection[str]) -> Reason | None:
+    if plugin.name in taken_names:
         return Reason(CoreCode.PLUGIN_REFUSED, why="name_taken", by="treadlink")
-    others = [other.package for other in installed(plugin.group) if other.name == plugin.name and other != plugin]
-    return Reason(CoreCode.PLUGIN_REFUSED, why="name_taken", by=", ".join(others)) if others else None
+    packages = [rival.package for rival in installed(plugin.group) if rival.name == plugin.name and rival != plugin]
+    return Reason(CoreCode.PLUGIN_REFUSED, why="name_taken", by=", ".join(packages)) if packages else None
 
 
 @cache

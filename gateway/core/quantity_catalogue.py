@@ -47,7 +47,7 @@ NEW_TIRE_MM: Final = 0.3
 _OF_FEATURES: Final = added(Registry.QUANTITIES)
 
 
-def _of(registry: Registry) -> dict[str, tuple[Quantity, ...]]:
+def _added_quantities(registry: Registry) -> dict[str, tuple[Quantity, ...]]:
     """Return the quantities of the estimators that features add to a registry."""
     return {name: object_of(_OF_FEATURES[name]) for name in added(registry)}
 
@@ -229,7 +229,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             is_steady=True,
         ),
     ),
-    **_of(Registry.NUMBERS),
+    **_added_quantities(Registry.NUMBERS),
     "wear": (
         # A tread does not grow.
         Quantity(
@@ -326,7 +326,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             possible=(0.05, 1.2),
         ),
     ),
-    **_of(Registry.ESTIMATORS),
+    **_added_quantities(Registry.ESTIMATORS),
 }
 """Quantities of each estimator of this package, in the order of their columns."""
 
@@ -356,10 +356,10 @@ def declare(estimator: str, quantities: Sequence[Quantity]) -> tuple[str, str] |
     Returns:
         The first name that is taken and the estimator that has it; None when all are taken over.
     """
-    for owner, theirs in (*CATALOGUE.items(), *_OF_PLUGINS.items()):
-        taken = {name for quantity in theirs for name in (quantity.name, quantity.column)}
+    for owner, declared in (*CATALOGUE.items(), *_OF_PLUGINS.items()):
+        names = {name for quantity in declared for name in (quantity.name, quantity.column)}
         for quantity in quantities if owner != estimator else ():
-            if quantity.name in taken:
+            if quantity.name in names:
                 return quantity.name, owner
     _OF_PLUGINS[estimator] = tuple(replace(quantity, bus=None, watch=None, compared="") for quantity in quantities)
     _BY_NAME.update({quantity.name: quantity for quantity in _OF_PLUGINS[estimator]})

@@ -42,26 +42,26 @@ _CONVERSIONS: Final[dict[ShownUnits, dict[str, Conversion]]] = {
         "N": Conversion("lbf", 1.0 / 4.4482216152605),
     },
 }
-_SHOWN: Final[ContextVar[ShownUnits]] = ContextVar("shown units", default=ShownUnits.SI)
+_UNITS: Final[ContextVar[ShownUnits]] = ContextVar("shown units", default=ShownUnits.SI)
 
 
 @contextmanager
 def shown_in(units: ShownUnits) -> Iterator[None]:
     """Show numbers and reasons in these units, within this block and this thread."""
-    token = _SHOWN.set(units)
+    token = _UNITS.set(units)
     try:
         yield
     finally:
-        _SHOWN.reset(token)
+        _UNITS.reset(token)
 
 
 def shown_units() -> ShownUnits:
     """Return the units in which numbers are shown now: SI outside `shown_in`."""
-    return _SHOWN.get()
+    return _UNITS.get()
 
 
 def conversion(symbol: str, units: ShownUnits) -> Conversion:
     """Return how a usual unit is shown, also one a month."""
     unit, per, _ = symbol.partition("/month")
-    shown = _CONVERSIONS[units].get(unit) or Conversion(unit)
-    return Conversion(f"{shown.symbol}{per}", shown.factor, decimals=shown.decimals) if per else shown
+    scaling = _CONVERSIONS[units].get(unit) or Conversion(unit)
+    return Conversion(f"{scaling.symbol}{per}", scaling.factor, decimals=scaling.decimals) if per else scaling

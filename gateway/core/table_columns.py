@@ -199,7 +199,7 @@ def conventions(names: Iterable[str]) -> dict[str, str]:
         names: of the estimates' columns.
     """
     declared = {name: quantity_of(name.removeprefix("estimated_")) for name in names}
-    about = {
+    declarations = {
         "powers": {name: dict(quantity.powers) for name, quantity in declared.items() if quantity.powers},
         "signs": {name: quantity.sign for name, quantity in declared.items() if quantity.sign},
         "memory_revolutions": {
@@ -208,7 +208,7 @@ def conventions(names: Iterable[str]) -> dict[str, str]:
             if quantity.correlated_revolutions
         },
     }
-    return CONVENTIONS | {key: json.dumps(value, ensure_ascii=False) for key, value in about.items()}
+    return CONVENTIONS | {key: json.dumps(value, ensure_ascii=False) for key, value in declarations.items()}
 
 
 def estimate_columns(name: str, description: str, parts: Iterable[Column] = ESTIMATE_PARTS.values()) -> list[Column]:
@@ -351,5 +351,5 @@ def recording_columns(estimates: Sequence[str]) -> dict[str, Column]:
 def revolution_columns(estimates: Sequence[str]) -> dict[str, Column]:
     """Return the columns of the table of revolutions: those of `treadlink estimate`, and the recording's identity."""
     parts = (column for name in estimates for column in estimate_columns(name, name))
-    short = (replace(column, is_short=column.kind is float) for column in (*parts, *RESULT_TAIL.values()))
-    return by_name(RECORDING_HEAD["recording_id"], *RESULT_HEAD.values(), *short, RECORDING_TAIL["other_estimates"])
+    columns = (replace(column, is_short=column.kind is float) for column in (*parts, *RESULT_TAIL.values()))
+    return by_name(RECORDING_HEAD["recording_id"], *RESULT_HEAD.values(), *columns, RECORDING_TAIL["other_estimates"])

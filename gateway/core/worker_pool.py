@@ -230,7 +230,7 @@ class Workers:
         Raises:
             BrokenProcessPool: a process was terminated from outside; leaving `Workers` explains it.
         """
-        turns = deque(sorted(range(len(orders)), key=lambda index: -sizes[index] if sizes else index))
+        pending = deque(sorted(range(len(orders)), key=lambda index: -sizes[index] if sizes else index))
         ended: SimpleQueue[tuple[int, Future[_Result]]] = SimpleQueue()
         # What the processes did before is of other work.
         remaining, reported, done_here = len(orders), self.progress.total(), 0
@@ -238,19 +238,19 @@ class Workers:
         def feed(worker: Worker) -> None:
             """Give a process the next order, and another one whenever it has done one."""
             with suppress(IndexError):
-                index = turns.popleft()
-                worker.work(work, orders[index]).add_done_callback(partial(fed, worker, index))
+                index = pending.popleft()
+                worker.work(work, orders[index]).add_done_callback(partial(take_result, worker, index))
 
-        def fed(worker: Worker, index: int, future: Future[_Result]) -> None:
+        def take_result(worker: Worker, index: int, future: Future[_Result]) -> None:
             ended.put((index, future))
             if not future.cancelled() and future.exception() is None:
                 feed(worker)
 
         def report(now_here: int) -> None:
             nonlocal reported
-            now = self.progress.total() + now_here
-            on_done(now - reported)
-            reported = now
+            total = self.progress.total() + now_here
+            on_done(total - reported)
+            reported = total
 
         try:
             # One order is done here; of two, another process has the first, as it must not be idle.
@@ -259,13 +259,13 @@ class Workers:
             while remaining:
                 index = None
                 with suppress(IndexError):
-                    index = turns.popleft()
+                    index = pending.popleft()
                 if index is not None:
-                    before = done_here
+                    done_before = done_here
 
-                    def on_part(part: int, before: int = before) -> None:
+                    def on_part(part: int, done_before: int = done_before) -> None:
                         nonlocal done_here
-                        done_here = before + part
+                        done_here = done_before + part
                         report(done_here)
 
                     result = work(orders[index], on_part)
@@ -273,15 +273,15 @@ class Workers:
                     yield index, result
                 while remaining:
                     try:
-                        of, future = ended.get(timeout=_POLL_S) if index is None else ended.get_nowait()
+                        order_index, future = ended.get(timeout=_POLL_S) if index is None else ended.get_nowait()
                     except Empty:
                         report(done_here)
                         break
                     report(done_here)
                     remaining -= 1
-                    yield of, future.result()
+                    yield order_index, future.result()
         finally:
-            turns.clear()
+            pending.clear()
 
     def new_counter(self) -> int | None:
         """Return the place of a counter that is 0; None where there is no process to share it with, or none left."""
@@ -308,15 +308,15 @@ def reported_progress() -> Iterator[Callable[[int], None]]:
     """Yield, in a worker, a function that takes how much of a piece of work is done."""
     global _done
     assert _progress is not None
-    progress, before, now = _progress, _done, 0
+    progress, done_before, done_here = _progress, _done, 0
 
     def report(done: int) -> None:
-        nonlocal now
-        now = done
-        progress.put(_worker_index, before + now)
+        nonlocal done_here
+        done_here = done
+        progress.put(_worker_index, done_before + done_here)
 
     yield report
-    _done = before + now
+    _done = done_before + done_here
 
 
 def _worked(work: Work[_Order, _Result], order: _Order) -> _Result:
@@ -360,8 +360,8 @@ def interrupt_held_back() -> Iterator[None]:
         return
     # Starting the first process starts this one, which then unblocks what is blocked here.
     resource_tracker.ensure_running()
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    previous_mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, previous_mask)

@@ -100,7 +100,7 @@ def estimate(
     factor = None if coverage is None else coverage_factor(coverage)
     check_exist(recordings)
     # A table on standard output must not be mixed with other lines.
-    say = SummaryOutput(written)
+    summary = SummaryOutput(written)
     sizes = [path.stat().st_size if path.is_file() else 0 for path in recordings]
     missing, damaged = 0, []
     with contextlib.ExitStack() as stack:
@@ -128,20 +128,20 @@ def estimate(
             )
             with view.hidden():
                 for line in estimated.lines:
-                    say(line)
+                    summary(line)
             if not written:
-                say.finish()
+                summary.finish()
             missing += estimated.missing
             if estimated.damage is not None:
                 damaged.append(text(estimated.damage))
         _write(added, tables)
     for path in written:
-        say.written(path)
+        summary.written(path)
     if damaged:
         raise TreadlinkError("; ".join(damaged), "The readable part was estimated.")
     if missing:
         raise SystemExit(exit_status.NO_RESULT)
-    say.finish()
+    summary.finish()
 
 
 def _write(outputs: Sequence[EstimateOutput], tables: "Sequence[ResultTable]") -> None:

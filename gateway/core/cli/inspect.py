@@ -68,7 +68,7 @@ def _verify(recordings: tuple[Path, ...]) -> None:
     from gateway.core.recording.manifest import absent_recordings, verify
     from gateway.core.text.text import clean
 
-    wrong = 0
+    failed_count = 0
     # `*.mcap` of a copy does not name what it lacks.
     absent = [
         path for folder in dict.fromkeys(path.parent for path in recordings) for path in absent_recordings(folder)
@@ -77,9 +77,9 @@ def _verify(recordings: tuple[Path, ...]) -> None:
         try:
             verify(path)
         except RecordingError as error:
-            wrong += 1
+            failed_count += 1
             click.echo(clean(f"{path}: NOT VERIFIED: {error}. {error.remedy}"))
         else:
             click.echo(clean(f"{path}: as in the manifest"))
-    if wrong:
+    if failed_count:
         raise SystemExit(exit_status.NO_RESULT)

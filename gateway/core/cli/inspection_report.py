@@ -65,12 +65,12 @@ def _event_lines(inspection: Inspection, begin_ns: int) -> Iterator[str]:
     for event in inspection.events[:_EVENTS_SHOWN]:
         time_s = (event.host_ns - begin_ns) * 1e-9
         words = text(event.reason)
-        what = f"{event.link}: {words}" if event.is_of_link else words
-        yield f"    {fixed(time_s, 2):>9} s  {what}"
+        entry = f"{event.link}: {words}" if event.is_of_link else words
+        yield f"    {fixed(time_s, 2):>9} s  {entry}"
     if len(inspection.events) > _EVENTS_SHOWN:
         printed = f"the first {len(inspection.events)}" if inspection.events_omitted else "all"
-        more = len(inspection.events) + inspection.events_omitted - _EVENTS_SHOWN
-        yield f"    ... and {more} more (--json prints {printed})"
+        omitted = len(inspection.events) + inspection.events_omitted - _EVENTS_SHOWN
+        yield f"    ... and {omitted} more (--json prints {printed})"
 
 
 def _alarm_lines(inspection: Inspection, begin_ns: int) -> Iterator[str]:
@@ -92,21 +92,21 @@ def _state_text(info: RecordingInfo) -> str:
     return "NOT FINISHED (recording was interrupted); `treadlink repair` completes it"
 
 
-def _alarm_text(alarm: AlarmSpan, begin: int) -> str:
+def _alarm_text(alarm: AlarmSpan, begin_ns: int) -> str:
     def since_begin(time_ns: int) -> str:
-        return f"{fixed((time_ns - begin) * 1e-9, 2)} s"
+        return f"{fixed((time_ns - begin_ns) * 1e-9, 2)} s"
 
     end = "the end" if alarm.end_ns is None else since_begin(alarm.end_ns)
-    seen = "" if alarm.acknowledged_ns is None else f" (acknowledged at {since_begin(alarm.acknowledged_ns)})"
-    return f"{since_begin(alarm.begin_ns):>11} to {end}  {escaped(alarm.subject)}: {escaped(alarm.text)}{seen}"
+    acknowledged = "" if alarm.acknowledged_ns is None else f" (acknowledged at {since_begin(alarm.acknowledged_ns)})"
+    return f"{since_begin(alarm.begin_ns):>11} to {end}  {escaped(alarm.subject)}: {escaped(alarm.text)}{acknowledged}"
 
 
-def _log_lines(name: str, link: LinkInspection, begin: int) -> Iterator[str]:
+def _log_lines(name: str, link: LinkInspection, begin_ns: int) -> Iterator[str]:
     if link.log:
         yield ""
         yield f"  log of the hubs of {name}"
     for line in link.log[:_EVENTS_SHOWN]:
-        time_s = (line.host_ns - begin) * 1e-9
+        time_s = (line.host_ns - begin_ns) * 1e-9
         yield f"    {fixed(time_s, 2):>9} s  hub {line.hub}: {log_level(line.message)}: {escaped(line.message.text)}"
     if link.log_lines > _EVENTS_SHOWN:
         yield f"    ... and {link.log_lines - _EVENTS_SHOWN} more (--json prints up to {len(link.log)})"
@@ -137,9 +137,9 @@ def _link_lines(name: str, link: LinkInspection, begin: int, end: int) -> Iterat
         + (f", {counted.bad_payload} with a bad payload" if counted.bad_payload else "")
     )
     for (hub, wheel), source in sorted(link.wheels.items()):
-        of = f"hub {hub}" if wheel == HUB_ITSELF else f"hub {hub} wheel {wheel}"
+        sender = f"hub {hub}" if wheel == HUB_ITSELF else f"hub {hub} wheel {wheel}"
         kinds = ", ".join(f"{count} {kind}" for kind, count in source.frames.most_common())
-        yield f"    {of}: {kinds}"
+        yield f"    {sender}: {kinds}"
         if source.hello is not None:
             yield f"      {_hello_text(source.hello)}"
         elif source.samples:
@@ -163,12 +163,12 @@ def _receiver_lines(receiver: ReceiverInspection) -> Iterator[str]:
     if reader.sentences and not can_read_sentences():
         yield f"    {text(Reason(CoreCode.SENTENCES_UNREAD))}"
     if first is not None and last is not None:
-        yield f"    from {_place(first)} to {_place(last)} (latitude and longitude in degrees)"
+        yield f"    from {_coordinates(first)} to {_coordinates(last)} (latitude and longitude in degrees)"
     if ahead_s is not None:
         yield f"    {text(Reason(CoreCode.RECEIVER_TIME, ahead_s=ahead_s))}"
 
 
-def _place(fix: Fix) -> str:
+def _coordinates(fix: Fix) -> str:
     return f"{fix.latitude_deg:.6f}, {fix.longitude_deg:.6f}"
 
 
@@ -217,8 +217,8 @@ def _time_line(source: WheelInspection, begin: int, end: int) -> Iterator[str]:
     if expected is not None:
         # What is lost is counted, and what was held up arrives, with the next block.
         _move_back(lost, [full - received for full, received in zip(expected, got, strict=True)], slack)
-        _move_back(got, [full - gone for full, gone in zip(expected, lost, strict=True)], slack)
-    shares = [min(samples / max(samples + gone, 1.0), 1.0) for samples, gone in zip(got, lost, strict=True)]
+        _move_back(got, [full - loss for full, loss in zip(expected, lost, strict=True)], slack)
+    shares = [min(samples / max(samples + loss, 1.0), 1.0) for samples, loss in zip(got, lost, strict=True)]
     if expected is not None:
         shares = [
             min(share, received / max(full - slack, 1.0))
@@ -243,13 +243,13 @@ def _expected(source: WheelInspection, begin: int, end: int, cells: int, per_cel
 def _move_back(counts: list[float], room: Sequence[float], slack: float) -> None:
     """Move what a cell has beyond its room to the cells before it that have some, more than the slack."""
     for cell in range(len(counts) - 1, 0, -1):
-        for before in range(cell - 1, -1, -1):
-            spare = room[before] - counts[before]
-            moved = min(counts[cell] - max(room[cell], 0.0), spare)
-            if spare <= slack or moved <= 0.0:
+        for target_cell in range(cell - 1, -1, -1):
+            free_room = room[target_cell] - counts[target_cell]
+            shift = min(counts[cell] - max(room[cell], 0.0), free_room)
+            if free_room <= slack or shift <= 0.0:
                 break
-            counts[cell] -= moved
-            counts[before] += moved
+            counts[cell] -= shift
+            counts[target_cell] += shift
 
 
 def inspection_json(inspection: Inspection, notices: Sequence[Notice]) -> dict[str, Any]:

@@ -16,9 +16,9 @@ _LEVELS: Final = (logging.WARNING, logging.INFO, logging.DEBUG)
 _PACKAGES: Final = ("gateway", "firmware_protocol")
 _HELD_RECORDS: Final = 1000
 # Different records whose repetitions are counted.
-_MOST_KINDS: Final = 1000
+_MAX_KINDS: Final = 1000
 # A record that comes again after this time is no repetition.
-_APART_S: Final = 10.0
+_REPEAT_S: Final = 10.0
 _HANDLER_NAME: Final = "treadlink"
 
 
@@ -38,10 +38,10 @@ class _Repeats(logging.Filter):
         if error is None and record.levelno < logging.WARNING:
             return True
         key = (record.name, record.lineno, record.levelno, str(record.msg), str(record.args), type(error))
-        if len(self._counts) >= _MOST_KINDS and key not in self._counts:
+        if len(self._counts) >= _MAX_KINDS and key not in self._counts:
             self._counts.clear()
         count, last_s = self._counts.get(key, (0, 0.0))
-        count = count + 1 if record.created - last_s < _APART_S else 1
+        count = count + 1 if record.created - last_s < _REPEAT_S else 1
         self._counts[key] = count, record.created
         if count == 1:
             return True
@@ -65,7 +65,7 @@ class _StderrHandler(logging.StreamHandler):  # type: ignore[type-arg]  # generi
     def __init__(self) -> None:
         logging.Handler.__init__(self)
         self.holding = False
-        self._held: deque[logging.LogRecord] = deque(maxlen=_HELD_RECORDS)
+        self._pending_records: deque[logging.LogRecord] = deque(maxlen=_HELD_RECORDS)
 
     @property
     def stream(self) -> TextIO:  # standard error changes at the end of a command
@@ -73,15 +73,15 @@ class _StderrHandler(logging.StreamHandler):  # type: ignore[type-arg]  # generi
 
     def emit(self, record: logging.LogRecord) -> None:
         if self.holding:
-            self._held.append(record)
+            self._pending_records.append(record)
         else:
             super().emit(record)
 
     def emit_held(self) -> None:
         """Emit the held records and hold no more."""
         self.holding = False
-        while self._held:
-            super().emit(self._held.popleft())
+        while self._pending_records:
+            super().emit(self._pending_records.popleft())
 
 
 def configure_logging(verbosity: int, log_file: Path | None) -> None:

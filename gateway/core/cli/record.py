@@ -101,6 +101,6 @@ def _state_text(snapshot: SessionSnapshot) -> str:
     lost = sum(link.frames_lost for link in snapshot.links)
     alarms = f", {len(snapshot.alarms)} ALARMS" if snapshot.alarms else ""
     size_mb = snapshot.recorded_bytes / 1e6
-    left_s = snapshot.disk.left_s if snapshot.disk is not None else None
-    full = f", disk full in {duration(left_s)}" if left_s is not None else ""
+    remaining_s = snapshot.disk.left_s if snapshot.disk is not None else None
+    full = f", disk full in {duration(remaining_s)}" if remaining_s is not None else ""
     return f"{snapshot.elapsed_s:7.0f} s  {size_mb:8.1f} MB  {frames} frames, {lost} lost{full}{alarms}"

@@ -96,14 +96,14 @@ def estimate_recording(
             if notice.reason.code is CoreCode.NO_REVOLUTION:
                 table.write_missing(notice.subject, notice.reason, name)
     with shown_in(shown_units_of(vehicle)):
-        said = [notice_text(notice) for notice in notices]
-        said += _effect_lines(recording.effects, wheels)
-        said += summary_lines(wheels, alarms=alarms, columns=columns_of_terminal())
+        details = [notice_text(notice) for notice in notices]
+        details += _effect_lines(recording.effects, wheels)
+        details += summary_lines(wheels, alarms=alarms, columns=columns_of_terminal())
         for collector in collectors:
-            said += collector.finish(estimation.wheels, alarms, (*notices, *missing))
-        said += _link_lines(estimation.links)
-        said += [notice_text(notice) for notice in missing]
-    lines += [clean(f"  {line}".rstrip()) for line in said]
+            details += collector.finish(estimation.wheels, alarms, (*notices, *missing))
+        details += _link_lines(estimation.links)
+        details += [notice_text(notice) for notice in missing]
+    lines += [clean(f"  {line}".rstrip()) for line in details]
     return RecordingEstimated(tuple(lines), len(missing), reader.damage)
 
 

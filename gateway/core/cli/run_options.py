@@ -22,12 +22,12 @@ def run_options(command: Callable[..., None]) -> Callable[..., None]:
 
     @functools.wraps(command)
     def with_run(
-        *args: Any, test: str, driver: str, comment: str, tags: tuple[str, ...], tires: tuple[Any, ...], **rest: Any
+        *args: Any, test: str, driver: str, comment: str, tags: tuple[str, ...], tires: tuple[Any, ...], **kwargs: Any
     ) -> None:
         run = RunDescription(test, driver, comment, tuple(dict.fromkeys(tags)))
         for position, tire in tires:
             run = run.overridden_by(RunDescription(tires={position: tire}))
-        return command(*args, run=run, **rest)
+        return command(*args, run=run, **kwargs)
 
     texts: dict[str, Any] = {"default": "", "callback": checked_text}
     for option in (

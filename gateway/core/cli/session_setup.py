@@ -145,10 +145,10 @@ def _check_published(
     written = output_files(publish)
     sources = [parse_source_uri(uri) for uri in uris]
     # Options name files too, such as dbc. What is no file is compared in vain.
-    read = [Path(text) for source in sources for text in (source.target, *source.options.values())]
+    source_paths = [Path(text) for source in sources for text in (source.target, *source.options.values())]
     # The outputs themselves explain what cannot be written, and a recording in a folder gets a new name.
     outputs = [path for path in (*written, record) if path is not None and _can_be_file(path)]
-    check_outputs(outputs, [*inputs, *read], force=True)
+    check_outputs(outputs, [*inputs, *source_paths], force=True)
 
 
 def _can_be_file(path: Path) -> bool:
@@ -243,8 +243,8 @@ def ending(session: RunningSession, stop: StopRequest, *, needs_revolutions: boo
     damage = session.opened.damage()
     if damage is not None:
         raise RecordingError(text(damage), "The readable part was replayed.")
-    is_receiver_left = session.publisher is not None and session.publisher.is_receiver_left
-    if no_frames or (needs_revolutions and no_revolutions) or is_receiver_left:
+    has_receiver_left = session.publisher is not None and session.publisher.is_receiver_left
+    if no_frames or (needs_revolutions and no_revolutions) or has_receiver_left:
         raise SystemExit(exit_status.NO_RESULT)
 
 

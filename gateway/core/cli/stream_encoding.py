@@ -58,16 +58,16 @@ def shown_streams() -> Iterator[None]:
         return nearest_text(error.object[error.start : error.end]), error.end
 
     codecs.register_error(_HANDLER, replaced)
-    before = sys.stdout, sys.stderr
+    original_streams = sys.stdout, sys.stderr
     try:
-        sys.stdout, sys.stderr = map(_shown_stream, before)
+        sys.stdout, sys.stderr = map(_shown_stream, original_streams)
         yield
     finally:
         for stream in (sys.stdout, sys.stderr):
             if isinstance(stream, ShownText):
                 with suppress(OSError, ValueError):  # the output is closed
                     stream.detach()  # else it closes the buffer, which is not its own
-        sys.stdout, sys.stderr = before
+        sys.stdout, sys.stderr = original_streams
 
 
 def _shown_stream(stream: TextIO) -> TextIO:

@@ -19,16 +19,16 @@ class SummaryOutput:
     def __init__(self, outputs: Iterable[Path | None] = ()) -> None:
         """Print to standard output, or to standard error where one of the outputs is standard output."""
         self.err = any(map(is_stdout, outputs))
-        self._is_left = False
+        self._has_reader_left = False
 
     def __call__(self, line: str = "") -> None:
         """Print a line where there is a reader."""
-        if self._is_left:
+        if self._has_reader_left:
             return
         try:
             click.echo(for_terminal(escaped(line), on_err=self.err), err=self.err)
         except BrokenPipeError:
-            self._is_left = True
+            self._has_reader_left = True
 
     def written(self, path: Path | None, remark: str = "") -> None:
         """Print that an output was written, with a remark; nothing of none, and of standard output."""
@@ -41,5 +41,5 @@ class SummaryOutput:
         Raises:
             BrokenPipeError: the reader has left.
         """
-        if self._is_left:
+        if self._has_reader_left:
             raise BrokenPipeError

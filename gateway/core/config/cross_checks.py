@@ -55,7 +55,7 @@ def _bus_signals(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, A
     for index, sensor in as_tables(as_table(data.get("tpms")).get("sensor")):
         if isinstance(wheel := sensor.get("wheel"), str) and wheel not in positions:
             yield _unknown_wheel(f"tpms.sensor[#{index + 1}].wheel", wheel, positions)
-    seen: dict[tuple[str, str], int] = {}
+    signal_indexes: dict[tuple[str, str], int] = {}
     for index, signal in as_tables(as_table(data.get("vehicle_signals")).get("signal")):
         key = f"vehicle_signals.signal[#{index + 1}]"
         quantity, wheel = signal.get("quantity"), signal.get("wheel")
@@ -65,7 +65,7 @@ def _bus_signals(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, A
             yield Fault(f"{key}.wheel", None, "required for wheel_speed")
         if isinstance(wheel, str) and wheel not in positions:
             yield _unknown_wheel(f"{key}.wheel", wheel, positions)
-        first = seen.setdefault((str(quantity), str(wheel)), index)
+        first = signal_indexes.setdefault((str(quantity), str(wheel)), index)
         if first != index:
             yield Fault(f"{key}.quantity", show(quantity), f"vehicle_signals.signal[#{first + 1}] is the same quantity")
 
@@ -131,7 +131,7 @@ def _duplicates(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, An
 
 def _axles(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, Any]]]) -> Iterator[Fault]:
     by_position = {wheel["position"]: wheel for _, wheel in wheels if isinstance(wheel.get("position"), str)}
-    taken: dict[str, int] = {}
+    axles: dict[str, int] = {}
     for index, axle in as_tables(data.get("axle")):
         names = axle.get("wheels")
         key = f"axle[#{index + 1}].wheels"
@@ -149,11 +149,11 @@ def _axles(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, Any]]])
                     show(by_position[name]["load_n"]),
                     f"{key[:-7]} states its load too; keep only one",
                 )
-            if name in taken:
+            if name in axles:
                 yield Fault(
-                    key, show(name), f"axle[#{taken[name] + 1}] lists this wheel too; a wheel belongs to one axle"
+                    key, show(name), f"axle[#{axles[name] + 1}] lists this wheel too; a wheel belongs to one axle"
                 )
-            taken.setdefault(name, index)
+            axles.setdefault(name, index)
 
 
 def _radii(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, Any]]]) -> Iterator[Fault]:
@@ -170,23 +170,23 @@ def _rings(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, Any]]])
     common = as_table(data.get("tire"))
     tires = [("tire", common, common)]
     for index, wheel in wheels:
-        stated = as_table(wheel.get("tire"))
-        tires.append((key_of(data, ("wheel", index, "tire")), stated, {**common, **stated}))
-    for name, stated, tire in tires:
+        table = as_table(wheel.get("tire"))
+        tires.append((key_of(data, ("wheel", index, "tire")), table, {**common, **table}))
+    for name, table, tire in tires:
         radius, thickness, wear = tire.get("radius_mm"), tire.get("ring_thickness_mm"), tire.get("wear_mm")
         if not _is_number(thickness):
             continue
         # A key that a wheel takes over from [tire] is compared there.
-        is_compared = bool({"radius_mm", "ring_thickness_mm"} & stated.keys())
+        is_compared = bool({"radius_mm", "ring_thickness_mm"} & table.keys())
         if is_compared and _is_within(radius, _RADIUS_MM) and thickness > _MAX_RING_SHARE * radius:
             key, problem = "ring_thickness_mm", f"up to {100.0 * _MAX_RING_SHARE:.0f} % of radius_mm = {show(radius)}"
-            if key not in stated:
+            if key not in table:
                 key = "radius_mm"
                 problem = f"at most {100.0 * _MAX_RING_SHARE:.0f} % of it is ring_thickness_mm = {show(thickness)}"
             yield Fault(f"{name}.{key}", show(tire[key]), f"allowed: {problem}")
-        if {"wear_mm", "ring_thickness_mm"} & stated.keys() and _is_number(wear) and wear >= thickness:
+        if {"wear_mm", "ring_thickness_mm"} & table.keys() and _is_number(wear) and wear >= thickness:
             key, problem = "wear_mm", f"less than ring_thickness_mm = {show(thickness)}, that of the new ring"
-            if key not in stated:
+            if key not in table:
                 key, problem = "ring_thickness_mm", f"that of the new ring, more than wear_mm = {show(wear)}"
             yield Fault(f"{name}.{key}", show(tire[key]), f"allowed: {problem}")
 

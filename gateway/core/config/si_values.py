@@ -43,9 +43,9 @@ def _field_of(key: str) -> _Field:
 def si_values(table: Section) -> dict[str, Any]:
     """Return what a table states in SI, by field; lowest and highest value of a range are one field."""
     values: dict[str, Any] = {}
-    for key, stated in table:
+    for key, entry in table:
         name, end, numerator, denominator = _field_of(key)
-        value = stated * numerator / denominator if isinstance(stated, float) else stated
+        value = entry * numerator / denominator if isinstance(entry, float) else entry
         values[name] = value if end is None else (*values.get(name, ()), value)
     return values
 

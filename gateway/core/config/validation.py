@@ -257,7 +257,7 @@ def parse_document(
     data = parse_toml(text, origin)
     parsed: ModelT | None = None
     faults: list[Fault] = []
-    short: list[Fault] = []
+    too_short: list[Fault] = []
     try:
         parsed = model.model_validate(data)
     except ValidationError as error:
@@ -265,9 +265,9 @@ def parse_document(
         # "too short" counts only the valid items of a list, so it is reported only if the list is empty, or alone.
         for item in [item for item in error.errors() if item["loc"]][: _LISTED_FAULTS + 1]:
             is_short = item["type"] == "too_short" and item["input"]
-            (short if is_short else faults).append(_fault(model, data, dict(item)))
+            (too_short if is_short else faults).append(_fault(model, data, dict(item)))
     faults += itertools.islice(more(data), _LISTED_FAULTS)
-    faults = faults or short
+    faults = faults or too_short
     if parsed is None or faults:
         lines = list(dict.fromkeys(f"{origin}: {fault}" for fault in faults))
         count = "1 fault" if len(lines) == 1 else f"{len(lines)} faults"
@@ -296,8 +296,8 @@ def key_of(data: object, location: Location) -> str:
             items = [item for item in data if isinstance(item, Mapping)] if isinstance(data, list) else []
             item = data[part] if isinstance(data, list) and part < len(data) else None
             name = item.get("position") if isinstance(item, Mapping) else None
-            unique = isinstance(name, str) and name and sum(other.get("position") == name for other in items) == 1
-            key += f"[{name}]" if unique else f"[#{part + 1}]"
+            is_unique = isinstance(name, str) and name and sum(peer.get("position") == name for peer in items) == 1
+            key += f"[{name}]" if is_unique else f"[#{part + 1}]"
             data = item
         else:
             key += f".{part}" if key else part

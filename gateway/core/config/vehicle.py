@@ -125,8 +125,8 @@ class Reference(Section):
 
     def numbers(self, stated_pressure_pa: float | None) -> ReferenceNumbers:
         """Return the numbers in SI, at the tire's stated pressure where the table has none."""
-        stated = {name: value for name, value in si_values(self).items() if value is not None}
-        return ReferenceNumbers(**{"pressure_pa": stated_pressure_pa, **stated})
+        values = {name: value for name, value in si_values(self).items() if value is not None}
+        return ReferenceNumbers(**{"pressure_pa": stated_pressure_pa, **values})
 
 
 class LoadCalibrationTable(Section):
@@ -210,8 +210,8 @@ class Tire(Section):
         of the gauge, stated or measured, and remains.
         """
         reference = _replaced(self.reference, other.reference)
-        stated = _replaced(self, other, unlike=("pressure_std_kpa",))
-        return Tire(**{**stated, "reference": Reference(**reference)})
+        fields = _replaced(self, other, retained=("pressure_std_kpa",))
+        return Tire(**{**fields, "reference": Reference(**reference)})
 
     @property
     def radius_m(self) -> float | None:
@@ -282,18 +282,18 @@ class Tire(Section):
         )
 
 
-def _replaced(table: Section, other: Section, unlike: tuple[str, ...] = ()) -> dict[str, Any]:
-    """Return the keys of a table, those that `other` states from there, each with its own error or none.
+def _replaced(table: Section, update: Section, retained: tuple[str, ...] = ()) -> dict[str, Any]:
+    """Return the keys of a table, those that `update` states from there, each with its own error or none.
 
     Args:
         table: as it was.
-        other: states what replaces it; keys that it does not set count as not stated.
-        unlike: names of errors that remain where their value is replaced.
+        update: states what replaces it; keys that it does not set count as not stated.
+        retained: names of errors that remain where their value is replaced.
     """
-    stated = other.model_dump(exclude_none=True, exclude_unset=True)
-    kept = {key: value for key, value in table.model_dump(exclude_unset=True).items() if value is not None}
-    lost = {error for key in stated for error in kept if _is_error_of(error, key) and error not in unlike}
-    return {**{key: value for key, value in kept.items() if key not in lost}, **stated}
+    replacements = update.model_dump(exclude_none=True, exclude_unset=True)
+    previous = {key: value for key, value in table.model_dump(exclude_unset=True).items() if value is not None}
+    lost = {error for key in replacements for error in previous if _is_error_of(error, key) and error not in retained}
+    return {**{key: value for key, value in previous.items() if key not in lost}, **replacements}
 
 
 def _is_error_of(error: str, key: str) -> bool:
@@ -584,23 +584,23 @@ class VehicleConfig(Section):
                 else wheel.load_n is not None and wheel.load_std_n is None
             )
         ]
-        for what, default, wheels in (
+        for quantity, default, wheels in (
             ("belt radius", RADIUS_STD, [position for position, tire in tires.items() if tire.radius_std_mm is None]),
             ("load", LOAD_STD, loads),
-            ("pressure", PRESSURE_STD, [where for where, tire in tires.items() if tire.pressure_std_kpa is None]),
+            ("pressure", PRESSURE_STD, [position for position, tire in tires.items() if tire.pressure_std_kpa is None]),
         ):
             if wheels:
-                yield what, f"{100.0 * default:g} %", tuple(wheels)
-        worn = (where for where, tire in tires.items() if tire.wear_mm is not None and tire.wear_std_mm is None)
+                yield quantity, f"{100.0 * default:g} %", tuple(wheels)
+        worn = (position for position, tire in tires.items() if tire.wear_mm is not None and tire.wear_std_mm is None)
         if positions := tuple(worn):
             yield "wear", f"{_WEAR_STD_MM:g} mm", positions
-        for what, name, text in (
+        for quantity, name, text in (
             ("sampling rate", "rate_std_percent", f"{CLOCK_STD_PERCENT:g} %"),
             ("gain", "gain_std_percent", f"{100.0 * GAIN_STD:g} %"),
             ("zero-g offset", "zero_g_std_mps2", f"{ZERO_G_STD_MPS2:g} m/s^2"),
         ):
-            if unstated := tuple(each.position for each in self.wheel if name not in each.sensor.model_fields_set):
-                yield what, text, unstated
+            if unstated := tuple(wheel.position for wheel in self.wheel if name not in wheel.sensor.model_fields_set):
+                yield quantity, text, unstated
 
     def with_sensors_of(self, recorded: VehicleConfig) -> VehicleConfig:
         """Return this configuration with what only that of a recording states of the accuracy of its samples.
@@ -608,10 +608,10 @@ class VehicleConfig(Section):
         Rate, scale and zero are in the recording, and their errors belong to it: they remain where another vehicle file
         does not state them.
         """
-        theirs = {(wheel.hub, wheel.wheel): wheel.sensor for wheel in recorded.wheel}
+        sensors = {(wheel.hub, wheel.wheel): wheel.sensor for wheel in recorded.wheel}
         wheels = tuple(
-            wheel.model_copy(update={"sensor": Sensor(**_replaced(theirs[wheel.hub, wheel.wheel], wheel.sensor))})
-            if (wheel.hub, wheel.wheel) in theirs
+            wheel.model_copy(update={"sensor": Sensor(**_replaced(sensors[wheel.hub, wheel.wheel], wheel.sensor))})
+            if (wheel.hub, wheel.wheel) in sensors
             else wheel
             for wheel in self.wheel
         )

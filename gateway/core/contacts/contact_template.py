@@ -34,7 +34,7 @@ from gateway.core.revolutions.contact_edges import ContactEdges, find_contact_ed
 from gateway.core.types import BoolArray, ComplexArray, FloatArray
 
 # The template extends this far beyond the edges, to include the full slope of the overshoots.
-_BEYOND_RAD: Final = 0.35
+_MARGIN_RAD: Final = 0.35
 # Least mean of the acceleration over its range: without a contact it is R omega^2, in the contact 0, at its edges up to
 # twice R omega^2. Less is that of an AC-coupled sensor, from which no curvature follows.
 _LEAST_STEADY_SHARE: Final = 0.25
@@ -46,7 +46,7 @@ _MIN_POINTS: Final = 16
 # Error of either shift by white noise, over that with all samples, up to which samples around a gap show both edges;
 # and the deviation from an exact solution that rounding makes.
 _MAX_NOISE_RATIO: Final = 2.0
-_DETERMINED_WITHIN: Final = 1e-6
+_SOLUTION_TOLERANCE: Final = 1e-6
 # A contact that deviates from the average by more than these is rejected as damaged or not a contact: range of the
 # gain, largest shift over the contact's width, largest rms residual over the template's span.
 _GAIN_RANGE: Final = (0.6, 1.6)
@@ -56,7 +56,7 @@ _MAX_RESIDUAL_SHARE: Final = 0.2
 HALF_LEVEL_SHARE: Final = 0.85
 # The derivative keeps orders below this.
 _DERIVATIVE_ORDERS: Final = 160
-_UNKNOWN: Final = np.full((2, 2, 2), math.nan)
+_UNKNOWN_COVARIANCES: Final = np.full((2, 2, 2), math.nan)
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,25 +109,25 @@ class ContactTemplate:
 
     def part(self, measured: BoolArray) -> _Region | None:
         """Return the region of the points that are measured, (m,); None where they do not show both edges."""
-        whole = self.whole
+        region = self.whole
         if measured.all():
-            return whole
+            return region
         low, high = self.edges.leading_rad - MIN_BEYOND_RAD, self.edges.trailing_rad + MIN_BEYOND_RAD
         points = np.flatnonzero(measured)
-        angles = whole.angles_rad[points]
+        angles = region.angles_rad[points]
         if len(points) < _MIN_POINTS or angles[0] > low or angles[-1] < high:
             return None
         part = _region(
             self.first + points,
             self.size,
-            (angles, whole.values[points], whole.model[points], whole.gravity_mps2[points]),
+            (angles, region.values[points], region.model[points], region.gravity_mps2[points]),
             self.weights[points],
             self.variance,
         )
         # Without the samples of an edge, its shift follows from the shape beside it, or from nothing.
         noise2 = np.square(part.rows[:2]).sum(axis=1)
-        is_determined = np.allclose(part.rows @ part.model, np.eye(part.model.shape[1]), atol=_DETERMINED_WITHIN)
-        shows_edges = (noise2 <= _MAX_NOISE_RATIO**2 * np.square(whole.rows[:2]).sum(axis=1)).all()
+        is_determined = np.allclose(part.rows @ part.model, np.eye(part.model.shape[1]), atol=_SOLUTION_TOLERANCE)
+        shows_edges = (noise2 <= _MAX_NOISE_RATIO**2 * np.square(region.rows[:2]).sum(axis=1)).all()
         return part if is_determined and shows_edges else None
 
 
@@ -171,8 +171,8 @@ def contact_template(
     edges = find_contact_edges(radial_mps2, samples_per_revolution, scatter_mps2=scatter_mps2)
     n = radial_mps2.shape[0]
     step = 2.0 * math.pi / n
-    first = n // 2 + math.floor((edges.leading_rad - _BEYOND_RAD) / step) if edges.measured else -1
-    last = n // 2 + math.ceil((edges.trailing_rad + _BEYOND_RAD) / step) if edges.measured else n
+    first = n // 2 + math.floor((edges.leading_rad - _MARGIN_RAD) / step) if edges.measured else -1
+    last = n // 2 + math.ceil((edges.trailing_rad + _MARGIN_RAD) / step) if edges.measured else n
     mean = float(radial_mps2.mean())
     if first < 0 or last >= n or not mean > 0.0:
         return None
@@ -199,9 +199,9 @@ def contact_template(
     )
     has_steady_value = mean > _LEAST_STEADY_SHARE * float(np.ptp(radial_mps2))
     curvature = values * (omega_radps**2 / mean) if has_steady_value else ones
-    turn = np.cumsum(curvature) - 0.5 * curvature
-    turn -= turn[n // 2 - first]
-    gravity = STANDARD_GRAVITY_MPS2 * np.cos(turn * step)
+    orientation = np.cumsum(curvature) - 0.5 * curvature
+    orientation -= orientation[n // 2 - first]
+    gravity = STANDARD_GRAVITY_MPS2 * np.cos(orientation * step)
     variance = _extended_variance(order_variance_mps4, n // 2 + 1) / omega_radps**4
     return ContactTemplate(
         first=first,
@@ -241,31 +241,31 @@ class ContactSamples:
         self._last = last
         angles, values = template.whole.angles_rad, np.array(passages)
         # Positions grow with the angle.
-        ends_at = _places(angles[[0, -1]], values)
-        is_whole = (ends_at[:, 0] >= _END_SAMPLES).all() and (ends_at[:, 1] < last - _END_SAMPLES).all()
+        end_positions = _sample_positions(angles[[0, -1]], values)
+        is_whole = (end_positions[:, 0] >= _END_SAMPLES).all() and (end_positions[:, 1] < last - _END_SAMPLES).all()
         # Points of the template that the samples cover, gaps among them; None for all of them, as nearly always.
         self._covered: BoolArray | None = None
         if not is_whole or any(gaps):
-            where = _places(angles, values)
-            self._covered = (where >= _END_SAMPLES) & (where < last[:, np.newaxis] - _END_SAMPLES)
+            positions = _sample_positions(angles, values)
+            self._covered = (positions >= _END_SAMPLES) & (positions < last[:, np.newaxis] - _END_SAMPLES)
 
     def _groups(self, passages: FloatArray) -> list[tuple[_Region, NDArray[np.intp]]]:
         """Return the contacts by the points of the template that their samples show."""
         template = self._template
         if self._covered is None:
             return [(template.whole, np.arange(len(passages)))]
-        shown = self._covered
+        covered = self._covered
         if any(self._gaps):
-            shown = shown.copy()
-            where = _places(template.whole.angles_rad, passages)
-            for row, places, gaps in zip(shown, where, self._gaps, strict=True):
+            covered = covered.copy()
+            positions = _sample_positions(template.whole.angles_rad, passages)
+            for row, row_positions, gaps in zip(covered, positions, self._gaps, strict=True):
                 for first, end in gaps:
-                    row &= ~beside_gap(places, first, end)
-        alike: dict[bytes, list[int]] = {}
-        for index, row in enumerate(shown):
-            alike.setdefault(row.tobytes(), []).append(index)
-        parts = ((template.part(shown[places[0]]), np.array(places)) for places in alike.values())
-        return [(part, places) for part, places in parts if part is not None]
+                    row &= ~beside_gap(row_positions, first, end)
+        groups: dict[bytes, list[int]] = {}
+        for index, row in enumerate(covered):
+            groups.setdefault(row.tobytes(), []).append(index)
+        parts = ((template.part(covered[indices[0]]), np.array(indices)) for indices in groups.values())
+        return [(part, indices) for part, indices in parts if part is not None]
 
     def match(self, passages: Sequence[Phase], rates_hz: Sequence[float]) -> ContactMatches:
         """Time the contacts.
@@ -280,17 +280,17 @@ class ContactSamples:
         result = np.empty((count, 7))
         result.fill(math.nan)
         fits = np.zeros(count, np.bool_)
-        covariances = [_UNKNOWN] * count
-        for region, places in self._groups(values):
-            of_group = slice(None) if len(places) == count else places
-            lines, last = self._coefficients[of_group], self._last[of_group]
-            result[of_group, :5] = matched(lines, last, values[of_group], rates[of_group], region)
-            gain, remainder = 1.0 + result[of_group, 2], result[of_group, 3] + result[of_group, 4]
+        covariances = [_UNKNOWN_COVARIANCES] * count
+        for region, indices in self._groups(values):
+            selection = slice(None) if len(indices) == count else indices
+            lines, last = self._coefficients[selection], self._last[selection]
+            result[selection, :5] = matched(lines, last, values[selection], rates[selection], region)
+            gain, remainder = 1.0 + result[selection, 2], result[selection, 3] + result[selection, 4]
             limit = len(region.angles_rad) * (_MAX_RESIDUAL_SHARE * template.span) ** 2
-            fits[of_group] = (_GAIN_RANGE[0] < gain) & (gain < _GAIN_RANGE[1]) & (remainder < limit)
-            result[of_group, 5:] = region.middle, len(region.angles_rad) - region.middle
-            highest = np.minimum(np.ceil(math.pi / values[of_group, 2]), len(region.covariances_rad2) - 1)
-            for index, order in zip(places.tolist(), highest.astype(np.int64).tolist(), strict=True):
+            fits[selection] = (_GAIN_RANGE[0] < gain) & (gain < _GAIN_RANGE[1]) & (remainder < limit)
+            result[selection, 5:] = region.middle, len(region.angles_rad) - region.middle
+            highest = np.minimum(np.ceil(math.pi / values[selection, 2]), len(region.covariances_rad2) - 1)
+            for index, order in zip(indices.tolist(), highest.astype(np.int64).tolist(), strict=True):
                 covariances[index] = region.covariances_rad2[order]
         return ContactMatches(result[:, :2], np.sqrt(result[:, 3:5] / result[:, 5:]), fits, covariances)
 
@@ -314,19 +314,19 @@ def _matched_by_numpy(
         region: of the template.
     """
     angles, rate, acceleration = region.angles_rad, passages[:, 2:3], passages[:, 3:]
-    where = _places(angles, passages)
-    np.minimum(np.maximum(where, 0.0, out=where), last[:, np.newaxis], out=where)
-    change = read_spline(lines[:, np.newaxis], where, 5)[:, 0]
+    positions = _sample_positions(angles, passages)
+    np.minimum(np.maximum(positions, 0.0, out=positions), last[:, np.newaxis], out=positions)
+    change = read_spline(lines[:, np.newaxis], positions, 5)[:, 0]
     change -= region.gravity_mps2
     change /= np.square(rates_hz)[:, np.newaxis] * (rate * rate + (2.0 * acceleration) * angles)
     change -= region.values
     fitted = change @ region.rows.T
     change -= fitted @ region.model.T
-    rest2 = np.square(change, out=change)
+    residual2 = np.square(change, out=change)
     result = np.empty((len(lines), 5))
     result[:, :2] = fitted[:, :2] / (1.0 + fitted[:, 2:3])
     result[:, 2] = fitted[:, 2]
-    result[:, 3:] = np.add.reduceat(rest2, (0, region.middle), axis=1)
+    result[:, 3:] = np.add.reduceat(residual2, (0, region.middle), axis=1)
     return result
 
 
@@ -344,12 +344,12 @@ def _matched_by_core(
 matched = _matched_by_numpy if core is None else _matched_by_core
 
 
-def _places(angles_rad: FloatArray, passages: FloatArray) -> FloatArray:
+def _sample_positions(angles_rad: FloatArray, passages: FloatArray) -> FloatArray:
     """Return the sample positions of angles on passages (k, 4), (k, m)."""
     start, rate, acceleration = passages[:, :1], passages[:, 2:3], passages[:, 3:]
     speed2 = rate * rate + (2.0 * acceleration) * angles_rad
-    places: FloatArray = start + 2.0 * angles_rad / (rate + np.sqrt(np.maximum(speed2, 0.0)))
-    return places
+    positions: FloatArray = start + 2.0 * angles_rad / (rate + np.sqrt(np.maximum(speed2, 0.0)))
+    return positions
 
 
 def template_shift(template: ContactTemplate, radial_mps2: FloatArray, omega_radps: float) -> FloatArray:
@@ -360,15 +360,15 @@ def template_shift(template: ContactTemplate, radial_mps2: FloatArray, omega_rad
         radial_mps2: (n,) the other average, of the same tire.
         omega_radps: its angular speed.
     """
-    whole = template.whole
-    part = slice(template.first, template.first + len(whole.values))
-    fitted = whole.rows @ (radial_mps2[part] / omega_radps**2 - whole.values)
+    region = template.whole
+    part = slice(template.first, template.first + len(region.values))
+    fitted = region.rows @ (radial_mps2[part] / omega_radps**2 - region.values)
     shift: FloatArray = fitted[:2] / (1.0 + fitted[2])
     return shift
 
 
 def _region(
-    on_grid: NDArray[np.intp],
+    grid_indices: NDArray[np.intp],
     n: int,
     points: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
     weights: FloatArray,
@@ -378,7 +378,7 @@ def _region(
     angles, values, model, gravity = points
     rows: FloatArray = np.linalg.lstsq(weights.T @ model, weights.T, rcond=None)[0].astype(np.float64)
     padded = np.zeros((2, 2, n))
-    padded[:, :, on_grid] = np.stack([angles < 0.0, angles >= 0.0])[:, np.newaxis] * rows[:2]
+    padded[:, :, grid_indices] = np.stack([angles < 0.0, angles >= 0.0])[:, np.newaxis] * rows[:2]
     spectrum = np.fft.rfft(padded, axis=-1)
     # Cross spectra of the two shifts' rows in each half.
     power = (spectrum[:, :, np.newaxis] * spectrum[:, np.newaxis].conj()).real
@@ -411,6 +411,6 @@ def _curve_factors(n: int, width: float) -> ComplexArray:
     """Return the factors of the orders of a waveform (n,) that give its curves, (3, n / 2 + 1)."""
     orders = np.arange(n // 2 + 1.0)
     gain = np.exp(-0.5 * (orders / width) ** 2)
-    turn = 1j * orders
-    turn[_DERIVATIVE_ORDERS:] = 0.0
-    return np.stack([gain.astype(np.complex128), turn * gain, turn])
+    derivative = 1j * orders
+    derivative[_DERIVATIVE_ORDERS:] = 0.0
+    return np.stack([gain.astype(np.complex128), derivative * gain, derivative])

@@ -185,8 +185,8 @@ class ContactTimer:
         # Relative variance of the speed extrapolated to a contact.
         self._rate_error2 = _RunningMean((_RATE_ERROR_PRIOR**2,), 1)
         # Latest contact whose edges were seen, contacts since then, and squared change of either edge between two.
-        self._seen: TimedContact | None = None
-        self._unseen = 0
+        self._last_measured: TimedContact | None = None
+        self._unseen_count = 0
         self._edge_change2 = _RunningMean((_EDGE_CHANGE_PRIOR_RAD**2,) * 2, 1)
         self._times: tuple[tuple[float, float], ...] = ()
         self._jitter = _RunningMean((0.0, 0.0, 0.0))
@@ -200,8 +200,8 @@ class ContactTimer:
         # Angles from the template's angle 0 to the points of the belt at which the two edges are timed; None before the
         # first template. Mean angle between the times of the two, and the weight of the later one.
         self._points: tuple[float, float] | None = None
-        self._apart_rad = _RunningMean((0.0,))
-        self._share = 0.5
+        self._mean_distance_rad = _RunningMean((0.0,))
+        self._trailing_share = 0.5
         self._weights = _Weights(0.5, 0.0, 0.0, 0.0)
 
     def _forget_distance(self) -> None:
@@ -227,8 +227,8 @@ class ContactTimer:
         count = average.count
         self._until_renewal = min(max(int(_TEMPLATE_GROWTH * count), 1), _TEMPLATE_INTERVAL)
         self._average_count = count
-        square = average.omega_radps**2
-        self._scatter2 = float(np.square(average.scatter_mps2).mean()) / square**2
+        omega2 = average.omega_radps**2
+        self._scatter2 = float(np.square(average.scatter_mps2).mean()) / omega2**2
         latest = contact_template(
             average.radial_mps2,
             average.omega_radps,
@@ -243,11 +243,11 @@ class ContactTimer:
             self._points = self._points[0] + leading, self._points[1] + trailing
         else:
             self._points = latest.middle_rad, latest.middle_rad
-            self._apart_rad = _RunningMean((0.0,))
+            self._mean_distance_rad = _RunningMean((0.0,))
             self._forget_distance()
         self._template = latest
         if self._points is not None:
-            self._weights = _Weights(self._share, self._apart_rad.values[0], *self._points)
+            self._weights = _Weights(self._trailing_share, self._mean_distance_rad.values[0], *self._points)
 
     def time(
         self,
@@ -266,9 +266,9 @@ class ContactTimer:
         """
         self._until_renewal -= len(pairs)
         matches, damaged = self._matches(pairs, rates_hz, read, gaps)
-        return [self._timed_pair(*each, gaps) for each in zip(pairs, matches, damaged, strict=True)]
+        return [self._timed_pair(*revolution, gaps) for revolution in zip(pairs, matches, damaged, strict=True)]
 
-    def _timed_pair(self, pair: ContactPair, match: _Match | None, damaged: bool, gaps: Gaps) -> TimedPair:
+    def _timed_pair(self, pair: ContactPair, match: _Match | None, is_damaged: bool, gaps: Gaps) -> TimedPair:
         start, previous = self._last, self._previous_period
         if start is None or start.segmented != pair.start.centre:
             self._times = ()
@@ -279,7 +279,7 @@ class ContactTimer:
         if match is None:
             self._times = ()
             end = TimedContact(pair.end.centre, pair.end.centre, pair.end.centre_std)
-            if damaged:
+            if is_damaged:
                 end = self._with_earlier_edges(end, pair)
         else:
             end = self._timed(pair.end.centre, match)
@@ -288,7 +288,7 @@ class ContactTimer:
                 coarse_std = math.hypot(pair.end.centre_std, point_std)
                 end = end._replace(centre_std=max(end.centre_std, coarse_std))
         if end.is_seen:
-            self._see(end)
+            self._update_edge_change(end)
         refined = (start.is_seen and math.isfinite(start.trailing_rad)) + (
             end.is_seen and math.isfinite(end.leading_rad)
         )
@@ -319,12 +319,12 @@ class ContactTimer:
             self._follow(pairs, times)
             return matches, damaged
         passages = [window.passage for window in windows]
-        around = ContactSamples(
+        contact_samples = ContactSamples(
             template, [window.samples for window in windows], passages, [window.gaps for window in windows]
         )
-        own_hz = [rates_hz[window.number] for window in windows]
-        first_match = around.match(passages, own_hz)
-        share, apart, *points = self._weights
+        window_rates_hz = [rates_hz[window.number] for window in windows]
+        first_match = contact_samples.match(passages, window_rates_hz)
+        share, distance_rad, *points = self._weights
         guesses: dict[int, float] = {}
         for (index, first, passage, *_), (leading, trailing), fits in zip(
             windows, first_match.shift_rad.tolist(), first_match.fits.tolist(), strict=True
@@ -332,15 +332,15 @@ class ContactTimer:
             if fits:
                 guesses[index] = passage.start + first + 0.5 * (leading + trailing) / passage.rate
                 leading, trailing = leading + points[0], trailing + points[1]
-                centre = leading + share * (trailing - leading - apart) + 0.5 * apart
+                centre = leading + share * (trailing - leading - distance_rad) + 0.5 * distance_rad
                 times[index] = passage.start + first + centre / passage.rate
-        rolling = self._follow(pairs, times)
+        revolutions = self._follow(pairs, times)
         passages = [
-            _moved(_passage(*rolling[index], zero_at=guesses[index]), -first) if index in guesses else passage
+            _shifted(_passage(*revolutions[index], zero_at=guesses[index]), -first) if index in guesses else passage
             for index, first, passage, *_ in windows
         ]
-        match = around.match(passages, own_hz)
-        limit = around.largest_shift_rad
+        match = contact_samples.match(passages, window_rates_hz)
+        limit = contact_samples.largest_shift_rad
         good = (first_match.fits & match.fits).tolist()
         for (index, first, *_), passage, fits, shift, residual, covariances in zip(
             windows,
@@ -352,8 +352,8 @@ class ContactTimer:
             strict=True,
         ):
             guess = passage.start + first
-            early = (guess - pairs[index].end.centre) * passage.rate
-            if fits and max(abs(early + shift[0]), abs(early + shift[1])) < limit:
+            offset_rad = (guess - pairs[index].end.centre) * passage.rate
+            if fits and max(abs(offset_rad + shift[0]), abs(offset_rad + shift[1])) < limit:
                 matches[index] = _Match(guess, passage.rate, tuple(shift), tuple(residual), covariances)
         return matches, damaged
 
@@ -378,21 +378,21 @@ class ContactTimer:
             damaged[index] = bool(lost)
             if last - first >= _LEAST_SAMPLES:
                 in_window = [(low - first, end - first) for low, end in lost]
-                windows.append(_Window(index, first, _moved(passage, -first), read(first, last), in_window))
+                windows.append(_Window(index, first, _shifted(passage, -first), read(first, last), in_window))
         return windows, damaged
 
     def _follow(self, pairs: Sequence[ContactPair], times: Sequence[float]) -> list[tuple[float, float, float | None]]:
         """Return start, end and period before of each revolution by the times of the first match of their ends."""
-        rolling: list[tuple[float, float, float | None]] = []
-        before = self._last.segmented if self._last is not None else math.nan
+        revolutions: list[tuple[float, float, float | None]] = []
+        last_centre = self._last.segmented if self._last is not None else math.nan
         start, previous = self._first_match
         for pair, end in zip(pairs, times, strict=True):
-            if before != pair.start.centre:
+            if last_centre != pair.start.centre:
                 start, previous = pair.start.centre, pair.previous_period
-            rolling.append((start, end, previous))
-            before, start, previous = pair.end.centre, end, end - start
+            revolutions.append((start, end, previous))
+            last_centre, start, previous = pair.end.centre, end, end - start
         self._first_match = start, previous
-        return rolling
+        return revolutions
 
     def _timed(self, segmented: float, match: _Match) -> TimedContact:
         """Combine the two edges with the weights of least variance."""
@@ -401,24 +401,24 @@ class ContactTimer:
         assert points is not None
         edges = template.edges
         sample = 1.0 / match.rate
-        seen = match.guess + match.shift_rad[0] * sample, match.guess + match.shift_rad[1] * sample
-        leading, trailing = seen[0] + points[0] * sample, seen[1] + points[1] * sample
+        edge_times = match.guess + match.shift_rad[0] * sample, match.guess + match.shift_rad[1] * sample
+        leading, trailing = edge_times[0] + points[0] * sample, edge_times[1] + points[1] * sample
         by_jitter2 = self._distance_jitter2
         self._update_jitter(leading, trailing)
         distance_rad = (trailing - leading) * match.rate
-        self._apart_rad.add(distance_rad)
-        apart = self._apart_rad.values[0] * sample
+        self._mean_distance_rad.add(distance_rad)
+        mean_distance = self._mean_distance_rad.values[0] * sample
         # The scatter of the average includes the jitter of the edges; the residual of the match does not.
         if self._scatter2 > 0.0:
             self._noise_share.add(match.residual[0] ** 2 / self._scatter2, match.residual[1] ** 2 / self._scatter2)
         n00, n01, n11 = self._noise(match)
         distance2 = max(n00 - 2.0 * n01 + n11, by_jitter2)
-        early, late = edges.leading_rad * sample, edges.trailing_rad * sample
+        leading_edge, trailing_edge = edges.leading_rad * sample, edges.trailing_rad * sample
         rate_error2, common2 = self._rate_error2.values[0], (_RATE_SHIFT_RAD * sample) ** 2
         s00, s01, s11 = (
-            rate_error2 * (early * early + common2),
-            rate_error2 * (early * late + common2),
-            rate_error2 * (late * late + common2),
+            rate_error2 * (leading_edge * leading_edge + common2),
+            rate_error2 * (leading_edge * trailing_edge + common2),
+            rate_error2 * (trailing_edge * trailing_edge + common2),
         )
         v00, v01, v11 = n00, n01, n11
         if self._jitter.count >= _MIN_JITTER_UPDATES:
@@ -439,66 +439,66 @@ class ContactTimer:
             )
         )
         # A change of the weights must not move the timed point: only the distance's deviation from its mean counts.
-        centre = leading + share * (trailing - leading - apart) + 0.5 * apart
+        centre = leading + share * (trailing - leading - mean_distance) + 0.5 * mean_distance
         step = template.middle_rad - 0.5 * (points[0] + points[1])
         limit = _ANCHOR_STEP * centre_std * match.rate
         step = min(max(step, -limit), limit)
         self._points = points[0] + step, points[1] + step
-        self._share = share
-        distance2 += rate_error2 * (late - early) ** 2
+        self._trailing_share = share
+        distance2 += rate_error2 * (trailing_edge - leading_edge) ** 2
         unexpected = self._unexpected_variance(distance_rad, distance2 * match.rate**2) * sample**2
         # Either edge may have it.
         centre_std = math.hypot(centre_std, math.sqrt(0.5 * (leading_weight + trailing_weight) * unexpected))
-        other_load = _OTHER_LOAD_SHARE * 0.5 * (seen[1] - seen[0]) * match.rate
+        other_load = _OTHER_LOAD_SHARE * 0.5 * (edge_times[1] - edge_times[0]) * match.rate
         leading_std = math.hypot(math.sqrt(n00) * match.rate, other_load)
         trailing_std = math.hypot(math.sqrt(n11) * match.rate, other_load)
         return TimedContact(
             segmented=segmented,
             centre=centre,
             centre_std=centre_std,
-            leading_rad=edges.leading_rad + (seen[0] - centre) * match.rate,
-            trailing_rad=edges.trailing_rad + (seen[1] - centre) * match.rate,
+            leading_rad=edges.leading_rad + (edge_times[0] - centre) * match.rate,
+            trailing_rad=edges.trailing_rad + (edge_times[1] - centre) * match.rate,
             leading_std_rad=math.hypot(edges.leading_std_rad, leading_std),
             trailing_std_rad=math.hypot(edges.trailing_std_rad, trailing_std),
         )
 
-    def _see(self, contact: TimedContact) -> None:
+    def _update_edge_change(self, contact: TimedContact) -> None:
         """Take a contact that was seen; its edges are NaN where it was not refined."""
-        last = self._seen
-        self._seen = contact if math.isfinite(contact.leading_rad) else None
-        if last is not None and self._seen is not None and not self._unseen:
+        last = self._last_measured
+        self._last_measured = contact if math.isfinite(contact.leading_rad) else None
+        if last is not None and self._last_measured is not None and not self._unseen_count:
             changes = contact.leading_rad - last.leading_rad, contact.trailing_rad - last.trailing_rad
             self._edge_change2.add(changes[0] ** 2, changes[1] ** 2)
-        self._unseen = 0
+        self._unseen_count = 0
 
     def _with_earlier_edges(self, contact: TimedContact, pair: ContactPair) -> TimedContact:
         """Return a contact that was not seen, with the edges of the latest that was seen.
 
         They may have moved since then, and are off by the error of the centre that they are counted from.
         """
-        self._unseen += 1
+        self._unseen_count += 1
         contact = contact._replace(is_seen=False)
-        seen = self._seen
-        if seen is None or self._unseen > MOST_UNSEEN:
+        reference = self._last_measured
+        if reference is None or self._unseen_count > MOST_UNSEEN:
             return contact
         centre_rad = contact.centre_std * 2.0 * math.pi / (pair.end.centre - pair.start.centre)
-        steps2 = self._unseen * max(self._unseen / _UNSEEN_BY_CHANCE, 1.0)
+        steps2 = self._unseen_count * max(self._unseen_count / _UNSEEN_BY_CHANCE, 1.0)
         leading_rad, trailing_rad = (math.sqrt(steps2 * change2) for change2 in self._edge_change2.values)
         return contact._replace(
-            leading_rad=seen.leading_rad,
-            trailing_rad=seen.trailing_rad,
-            leading_std_rad=math.hypot(seen.leading_std_rad, leading_rad, centre_rad),
-            trailing_std_rad=math.hypot(seen.trailing_std_rad, trailing_rad, centre_rad),
+            leading_rad=reference.leading_rad,
+            trailing_rad=reference.trailing_rad,
+            leading_std_rad=math.hypot(reference.leading_std_rad, leading_rad, centre_rad),
+            trailing_std_rad=math.hypot(reference.trailing_std_rad, trailing_rad, centre_rad),
         )
 
     def _noise(self, match: _Match) -> tuple[float, float, float]:
         """Return the covariance of the edges' times from noise, samples^2: leading, both, trailing."""
-        (in_leading, in_trailing), square = self._noise_share.values, match.rate**-2.0
+        (in_leading, in_trailing), sample2 = self._noise_share.values, match.rate**-2.0
         ((a00, a01), (_, a11)), ((b00, b01), (_, b11)) = match.covariances_rad2.tolist()
         return (
-            (in_leading * a00 + in_trailing * b00) * square,
-            (in_leading * a01 + in_trailing * b01) * square,
-            (in_leading * a11 + in_trailing * b11) * square,
+            (in_leading * a00 + in_trailing * b00) * sample2,
+            (in_leading * a01 + in_trailing * b01) * sample2,
+            (in_leading * a11 + in_trailing * b11) * sample2,
         )
 
     def _update_rate_error(self, period: float) -> None:
@@ -511,8 +511,8 @@ class ContactTimer:
             self._rates = ()
         self._rates = (*self._rates[-2:], 1.0 / period)
         if len(self._rates) == 3:
-            before, last, now = self._rates
-            self._rate_error2.add((0.5 * (now - 2.0 * last + before) / last) ** 2)
+            first_rate, middle_rate, last_rate = self._rates
+            self._rate_error2.add((0.5 * (last_rate - 2.0 * middle_rate + first_rate) / middle_rate) ** 2)
 
     @property
     def _distance_jitter2(self) -> float:
@@ -548,13 +548,13 @@ class ContactTimer:
         the variance of the leading edge is leading times leading minus leading times trailing; likewise for trailing.
         """
         if len(self._times) >= 2:
-            (before, _), (last, _) = self._times[-2:]
-            if not _is_next(last - before, leading - last):
+            (previous, _), (last, _) = self._times[-2:]
+            if not _is_next(last - previous, leading - last):
                 self._times = self._times[-1:]
         self._times = (*self._times[-2:], (leading, trailing))
         if len(self._times) == 3:
-            (first, early), (middle, between), _ = self._times
-            leading_step, trailing_step = first - 2.0 * middle + leading, early - 2.0 * between + trailing
+            (first, first_end), (middle, middle_end), _ = self._times
+            leading_step, trailing_step = first - 2.0 * middle + leading, first_end - 2.0 * middle_end + trailing
             self._jitter.add(
                 leading_step * leading_step / 6.0,
                 leading_step * trailing_step / 6.0,
@@ -572,9 +572,9 @@ def _lacks_an_edge(contact: Contact, gaps: Gaps) -> bool:
     return contact.predicted or not all(is_bridged(count, contact.duration) for count in lost)
 
 
-def _is_next(before: float, period: float) -> bool:
+def _is_next(previous_period: float, period: float) -> bool:
     """Return whether a period may be that of the next revolution; else contacts were not seen in one of the two."""
-    return before < _LARGEST_RATIO * period and period < _LARGEST_RATIO * before
+    return previous_period < _LARGEST_RATIO * period and period < _LARGEST_RATIO * previous_period
 
 
 def _passage(start: float, end: float, previous_period: float | None, *, zero_at: float | None = None) -> Phase:
@@ -584,6 +584,6 @@ def _passage(start: float, end: float, previous_period: float | None, *, zero_at
     return Phase(zero, zero + samples, phase.rate + phase.acceleration * samples, phase.acceleration)
 
 
-def _moved(phase: Phase, samples: float) -> Phase:
+def _shifted(phase: Phase, samples: float) -> Phase:
     """Return a phase in other sample numbers."""
     return Phase(phase.start + samples, phase.end + samples, phase.rate, phase.acceleration)

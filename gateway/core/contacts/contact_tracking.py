@@ -62,8 +62,8 @@ _SLOW_MPS2: Final = 250.0
 # beyond the edges, in turns and samples.
 _SCORE_SHARE: Final = 0.3
 _EDGE_SHARE: Final = 0.6
-_BEYOND_TURNS: Final = 0.056
-_BEYOND_SAMPLES: Final = 6.0
+_EDGE_MARGIN_TURNS: Final = 0.056
+_EDGE_MARGIN_SAMPLES: Final = 6.0
 # A contact whose duration deviates by this share from the expected one has a disturbed edge.
 _DISTURBED_SHARE: Final = 0.15
 # Weights of an update of the tracked properties, which follow pressure and load, and of the jitter.
@@ -77,7 +77,7 @@ _MIN_DEPTH_MPS2: Final = 6.0
 _BRIDGED_SHARE: Final = 0.25
 _BRIDGED_STD: Final = 0.2
 # Number of recent contacts kept for comparison with a search.
-_RECENT: Final = 6
+_RECENT_CONTACTS: Final = 6
 # The properties of a wheel are used after this many contacts of at least this depth (20 km/h or more).
 _KNOWN_CONTACTS: Final = 8
 _KNOWN_DEPTH_MPS2: Final = 60.0
@@ -91,7 +91,7 @@ _ROLLING_GRAVITY_MPS2: Final = 20.0
 # Squared turn of two revolutions on the smallest belt, 0.2 m, from which on a contact may have been skipped, and the
 # part of the period in which that lies: halfway, or after one and two thirds.
 _SKIPPING_TURN2_M: Final = 4.0 * 0.2
-_SKIPPED_BETWEEN: Final = (0.3, 0.7)
+_SKIPPED_RANGE: Final = (0.3, 0.7)
 # A period that is longer than the last one by this ratio is examined.
 _LONGER_RATIO: Final = 1.4
 
@@ -143,19 +143,19 @@ def kept_rolling(radial_mps2: FloatArray, first: int, last: Contact, contact: Co
         turns: revolutions between them.
     """
     start, end = round(last.centre) - first, round(contact.centre) - first
-    inside = round(0.2 * contact.duration)
+    margin = round(0.2 * contact.duration)
     floor = 0.5 * (
-        float(radial_mps2[: 2 * start + 1].mean()) + float(radial_mps2[end - inside : end + inside + 1].mean())
+        float(radial_mps2[: 2 * start + 1].mean()) + float(radial_mps2[end - margin : end + margin + 1].mean())
     )
     shallower = min(last.depth_mps2, contact.depth_mps2)
     if float(radial_mps2[start:end].mean()) - floor < float(least_level(shallower)):
         return False
-    least = _ROLLING_SHARE * shallower - _ROLLING_GRAVITY_MPS2
-    turn = (end - start) / turns
-    edges = [round(start + (number + share) * turn) for number in range(turns) for share in (0.2, 0.4, 0.6, 0.8)]
+    least_rise_mps2 = _ROLLING_SHARE * shallower - _ROLLING_GRAVITY_MPS2
+    period = (end - start) / turns
+    edges = [round(start + (number + share) * period) for number in range(turns) for share in (0.2, 0.4, 0.6, 0.8)]
     parts = [radial_mps2[lo:hi] for index, (lo, hi) in enumerate(pairwise(edges)) if index % 4 < 3]
     # Medians, so that an impact does not count as a stop.
-    return all(float(np.median(part)) - floor >= least for part in parts)
+    return all(float(np.median(part)) - floor >= least_rise_mps2 for part in parts)
 
 
 def skips_contact(last: Contact, contact: Contact, rate_hz: float, read: Read, sign: int) -> bool:
@@ -174,15 +174,15 @@ def skips_contact(last: Contact, contact: Contact, rate_hz: float, read: Read, s
         return False
     width = max(3.0, 0.5 * (last.duration + contact.duration))
     reach = box_offsets(width)[2]
-    first, end = (round(last.centre + share * period) for share in _SKIPPED_BETWEEN)
+    first, end = (round(last.centre + share * period) for share in _SKIPPED_RANGE)
     radial = sign * read(first - reach, end + reach)
     prefix = cumulative(radial)
     score, outer = dip_score(prefix, width)
     if not len(score) or score.max() < SKIPPED_DEPTH_SHARE * shallower:
         return False
     # An impact is as deep, but seldom as long.
-    inside = refine_contact(radial, outer + int(score.argmax()), width, prefix=prefix)
-    return inside is not None and _ratio(size(inside), size(last)) < _RUN_SIZE_RATIO
+    skipped = refine_contact(radial, outer + int(score.argmax()), width, prefix=prefix)
+    return skipped is not None and _ratio(size(skipped), size(last)) < _RUN_SIZE_RATIO
 
 
 def lost_crossings(contact: Contact, missing: Missing, expected: float = 0.0) -> tuple[int, int]:
@@ -238,11 +238,11 @@ def restore_lost_edge(contact: Contact, expected: float, missing: Missing) -> Co
 def _summits_by_numpy(
     prefix: FloatArray,
     width: float,
-    after: float,
+    score_offset: float,
     depth_period2: float,
     period: float,
     least_ratio: float,
-    most_ratio: float,
+    largest_ratio: float,
 ) -> list[tuple[int, float]]:
     """Return the places that may be the next contact, one or more revolutions later, and their scores.
 
@@ -251,26 +251,26 @@ def _summits_by_numpy(
     Args:
         prefix: cumulative sum of the radial axis.
         width: of a contact, in samples.
-        after: samples from the last contact to the first score.
+        score_offset: samples from the last contact to the first score.
         depth_period2: depth of a contact times the square of the period.
         period: expected one, in samples.
         least_ratio: least ratio of a period to the expected one.
-        most_ratio: largest ratio.
+        largest_ratio: largest ratio.
     """
     score, _ = dip_score(prefix, width)
     # Quick preselection by the least depth that could be accepted anywhere.
-    farthest = (after + len(score)) / (_MAX_UNSEEN + 1.0)
-    least = depth_period2 / max(farthest, 1.5 * period) ** 2
-    places = (score >= (_ACCEPT_SHARE - 0.2) * least).nonzero()[0]
+    farthest = (score_offset + len(score)) / (_MAX_UNSEEN + 1.0)
+    least_depth = depth_period2 / max(farthest, 1.5 * period) ** 2
+    places = (score >= (_ACCEPT_SHARE - 0.2) * least_depth).nonzero()[0]
     if not len(places):
         return []
-    depth, late = score[places], places + after
-    turns = np.minimum(np.maximum(np.rint(late / period), 1.0), _MAX_UNSEEN + 1.0)
-    expected = depth_period2 * np.square(turns / late)
-    good = depth >= _ACCEPT_SHARE * expected - np.minimum(_ACCEPT_GRAVITY_MPS2, 0.2 * expected)
-    ratio = late / (turns * period)
-    good &= (ratio > least_ratio) & (ratio < most_ratio)
-    places, depth = places[good], depth[good]
+    depth, elapsed = score[places], places + score_offset
+    turns = np.minimum(np.maximum(np.rint(elapsed / period), 1.0), _MAX_UNSEEN + 1.0)
+    expected = depth_period2 * np.square(turns / elapsed)
+    is_plausible = depth >= _ACCEPT_SHARE * expected - np.minimum(_ACCEPT_GRAVITY_MPS2, 0.2 * expected)
+    ratio = elapsed / (turns * period)
+    is_plausible &= (ratio > least_ratio) & (ratio < largest_ratio)
+    places, depth = places[is_plausible], depth[is_plausible]
     if not len(places):
         return []
     edges = [0, *(np.flatnonzero(np.diff(places) > max(1, round(0.5 * width))) + 1).tolist(), len(places)]
@@ -281,9 +281,9 @@ def _summits_by_numpy(
 summits = _summits_by_numpy if core is None else core.summits
 
 
-def _ratio(value: float, other: float) -> float:
+def _ratio(value: float, reference: float) -> float:
     """Return the ratio of the larger of two positive numbers to the smaller."""
-    return value / other if value > other else other / value
+    return value / reference if value > reference else reference / value
 
 
 def edge_jitter2(start: Contact, end: Contact, speed_ratio: float) -> float:
@@ -315,18 +315,18 @@ class ContactTrack:
         """Start from a run of at least three contacts."""
         self._rate_hz = rate_hz
         self._sign = sign
-        periods = [after.centre - before.centre for before, after in pairwise(contacts)]
+        periods = [end.centre - start.centre for start, end in pairwise(contacts)]
         ratios = [periods[0] / periods[1], *(a / b for a, b in pairwise(periods))]
         self._jitter2 = float(
-            np.mean([edge_jitter2(*three) for three in zip(contacts[:-1], contacts[1:], ratios, strict=True)])
+            np.mean([edge_jitter2(*revolution) for revolution in zip(contacts[:-1], contacts[1:], ratios, strict=True)])
         )
         self.contact = contacts[-1]
-        self.recent = deque(contacts, maxlen=_RECENT)
+        self.recent = deque(contacts, maxlen=_RECENT_CONTACTS)
         self.periods = (periods[-2], periods[-1])
         self._depth_period2 = self.contact.depth_mps2 * self.periods[-1] ** 2
         self._turn = float(np.median([self._turn_of(*pair) for pair in pairwise(contacts)]))
         self._size = float(np.median([size(contact) for contact in contacts]))
-        self._followed = 0
+        self._followed_count = 0
         self.skips_contacts = False
         # Whether the signal of a revolution since the last loss had no further contact.
         self._is_single = False
@@ -340,7 +340,7 @@ class ContactTrack:
     @property
     def properties(self) -> WheelProperties | None:
         """Properties of the wheel, None until they are certain."""
-        if self._followed < _KNOWN_CONTACTS:
+        if self._followed_count < _KNOWN_CONTACTS:
             return None
         return WheelProperties(self._sign, self._turn, self._size / self._rate_hz)
 
@@ -357,24 +357,24 @@ class ContactTrack:
         centre = int(self.contact.centre)
         self._first = max(int(self.contact.centre + self._nearest) - outer, centre)
         # Far enough that the dip's score has its maximum in view, and that the contact's timing sees both of its edges.
-        edges = _EDGE_SHARE * self._width + _BEYOND_TURNS * self._period + _BEYOND_SAMPLES
-        beyond = max(_SCORE_SHARE * self._width + outer + 2, edges, MARGIN_SAMPLES + 2)
-        self.next_index = math.ceil(self.contact.centre + self._period + beyond)
-        longest = LONGEST_PERIOD_S * self._rate_hz
-        wait = min(INTERVAL_RATIO * self._period, longest)
+        edge_span = _EDGE_SHARE * self._width + _EDGE_MARGIN_TURNS * self._period + _EDGE_MARGIN_SAMPLES
+        margin = max(_SCORE_SHARE * self._width + outer + 2, edge_span, MARGIN_SAMPLES + 2)
+        self.next_index = math.ceil(self.contact.centre + self._period + margin)
+        longest_period = LONGEST_PERIOD_S * self._rate_hz
+        wait = min(INTERVAL_RATIO * self._period, longest_period)
         if self.contact.depth_mps2 > _UNSEEN_DEPTH_MPS2:
-            wait = max(wait, min((_MAX_UNSEEN + 1.4) * self._period, 2.0 * longest))
-        self._give_up_at = math.ceil(self.contact.centre + wait + beyond)
+            wait = max(wait, min((_MAX_UNSEEN + 1.4) * self._period, 2.0 * longest_period))
+        self._give_up_at = math.ceil(self.contact.centre + wait + margin)
 
     def _expected_period(self) -> float:
         """Return the period of the next revolution at constant angular acceleration."""
-        before, last = self.periods
-        speed, gain = 1.0 / last, 2.0 * (1.0 / last - 1.0 / before) / (last + before)
+        previous, last = self.periods
+        speed, gain = 1.0 / last, 2.0 * (1.0 / last - 1.0 / previous) / (last + previous)
         period = last
         for _ in range(3):
             period = 1.0 / max(speed + 0.5 * gain * (last + period), speed / INTERVAL_RATIO)
-        longest = min(last * _MAX_PERIOD_GROWTH, LONGEST_PERIOD_S * self._rate_hz)
-        return min(max(period, last / INTERVAL_RATIO), longest)
+        longest_period = min(last * _MAX_PERIOD_GROWTH, LONGEST_PERIOD_S * self._rate_hz)
+        return min(max(period, last / INTERVAL_RATIO), longest_period)
 
     def step(self, read: Read, missing: Missing) -> list[ContactPair] | None:
         """Search the next contact in the samples before `next_index`; None when the wheel is lost."""
@@ -425,17 +425,17 @@ class ContactTrack:
             width = max(3.0, stretch * self._width)
             outer = box_offsets(width)[2]
             # Samples from the last contact to the first score.
-            after = first + outer - self.contact.centre
+            score_offset = first + outer - self.contact.centre
             band = _STRETCH_BAND if len(stretches) > 1 else _ANY_BAND
             band = band[0] * stretch, band[1] * stretch
-            for top, score in summits(prefix, width, after, self._depth_period2, self._period, *band):
-                centre = after + top
-                turn = min(max(round(centre / self._period), 1), _MAX_UNSEEN + 1)
-                depth_off = math.log(score * (centre / turn) ** 2 / self._depth_period2) / _DEPTH_LOG_STD
-                time_off = (centre / (turn * self._period) - 1.0) / self._time_std
-                cost = depth_off**2 + time_off**2 + _UNSEEN_COST * (turn - 1.0)
-                near_end = top + _SCORE_SHARE * width >= len(prefix) - 1 - 2 * outer
-                ranked.append((cost, first + outer + top, width, near_end))
+            for top, score in summits(prefix, width, score_offset, self._depth_period2, self._period, *band):
+                centre = score_offset + top
+                turns = min(max(round(centre / self._period), 1), _MAX_UNSEEN + 1)
+                depth_misfit = math.log(score * (centre / turns) ** 2 / self._depth_period2) / _DEPTH_LOG_STD
+                time_misfit = (centre / (turns * self._period) - 1.0) / self._time_std
+                cost = depth_misfit**2 + time_misfit**2 + _UNSEEN_COST * (turns - 1.0)
+                is_near_end = top + _SCORE_SHARE * width >= len(prefix) - 1 - 2 * outer
+                ranked.append((cost, first + outer + top, width, is_near_end))
         ranked.sort()
         return [(centre, width) for _, centre, width, _ in ranked[:_MAX_CANDIDATES]], bool(ranked) and ranked[0][3]
 
@@ -446,13 +446,13 @@ class ContactTrack:
         if not 1.0 / _SIZE_RATIO < size(contact) / self._size < _SIZE_RATIO or contact.depth_mps2 < _MIN_DEPTH_MPS2:
             return 0
         period_turns = self._turn_of(last, contact) / self._turn
-        unlike = min(_ratio(period, self._period), _ratio(period, self.periods[-1]))
+        period_ratio = min(_ratio(period, self._period), _ratio(period, self.periods[-1]))
         turns = 1
-        if not (1.0 / TURN_RATIO < period_turns < TURN_RATIO and unlike < INTERVAL_RATIO):
+        if not (1.0 / TURN_RATIO < period_turns < TURN_RATIO and period_ratio < INTERVAL_RATIO):
             limit = _UNSEEN_TURN_RATIO[last.depth_mps2 < _SLOW_MPS2]
             for turns in range(2, _MAX_UNSEEN + 2 if self._may_go_unseen(contact) else 2):
-                unlike = _ratio(period / turns, self._period)
-                if 1.0 / limit < period_turns / turns < limit and unlike < _UNSEEN_PERIOD_RATIO:
+                period_ratio = _ratio(period / turns, self._period)
+                if 1.0 / limit < period_turns / turns < limit and period_ratio < _UNSEEN_PERIOD_RATIO:
                     break
             else:
                 return 0
@@ -473,11 +473,11 @@ class ContactTrack:
 
     def _misfit(self, contact: Contact, turns: int) -> float:
         """Return the cost of a contact `turns` revolutions later: deviations from the prediction, less its strength."""
-        late = (contact.centre - self.contact.centre) / turns / self._period - 1.0
+        time_deviation = (contact.centre - self.contact.centre) / turns / self._period - 1.0
         return (
             (math.log(self._turn_of(self.contact, contact, turns) / self._turn) / _TURN_LOG_STD) ** 2
             + (math.log(size(contact) / self._size) / _SIZE_LOG_STD) ** 2
-            + (0.5 * late / self._time_std) ** 2
+            + (0.5 * time_deviation / self._time_std) ** 2
             + _UNSEEN_COST * (turns - 1)
             - math.log(contact.depth_mps2 * math.sqrt(contact.duration))
         )
@@ -507,7 +507,7 @@ class ContactTrack:
             self._jitter2 += _JITTER_WEIGHT * (jitter2 - self._jitter2)
         pairs: list[ContactPair] = []
         start, previous = last, self.periods[-1]
-        for end in (*self._unseen(contact, turns), contact) if turns > 1 else (contact,):
+        for end in (*self._interpolated_contacts(contact, turns), contact) if turns > 1 else (contact,):
             pairs.append(ContactPair(start, end, self.period_std(start, end), previous, decided_at))
             previous = end.centre - start.centre
             start = end
@@ -516,28 +516,28 @@ class ContactTrack:
             self._turn += _PROPERTY_WEIGHT * (self._turn_of(last, contact, turns) - self._turn)
             self._duty += _PROPERTY_WEIGHT * (contact.duration / period - self._duty)
             self._size += _PROPERTY_WEIGHT * (size(contact) - self._size)
-            self._followed += contact.depth_mps2 > _KNOWN_DEPTH_MPS2
+            self._followed_count += contact.depth_mps2 > _KNOWN_DEPTH_MPS2
         self.periods = (self.periods[-1] if turns == 1 else period, previous)
         self.contact = contact
         self.recent.append(contact)
         self._plan()
         return pairs
 
-    def _unseen(self, contact: Contact, turns: int) -> list[Contact]:
+    def _interpolated_contacts(self, contact: Contact, turns: int) -> list[Contact]:
         """Return the unobserved contacts, interpolated at constant angular acceleration since the revolution before."""
-        last, before = self.contact, self.periods[-1]
-        whole = contact.centre - last.centre
-        bend = (turns / whole - 1.0 / before) / (whole + before)
-        slope = 1.0 / before + bend * before
+        last, previous_period = self.contact, self.periods[-1]
+        elapsed = contact.centre - last.centre
+        bend = (turns / elapsed - 1.0 / previous_period) / (elapsed + previous_period)
+        slope = 1.0 / previous_period + bend * previous_period
         contacts: list[Contact] = []
         for number in range(1, turns):
             # number = slope x + bend x^2, without cancellation
             root = math.sqrt(max(slope**2 + 4.0 * bend * number, 0.0))
-            steady = last.centre + whole * number / turns
-            centre = min(last.centre + 2.0 * number / max(slope + root, 1e-12), steady + 0.2 * whole)
+            uniform_centre = last.centre + elapsed * number / turns
+            centre = min(last.centre + 2.0 * number / max(slope + root, 1e-12), uniform_centre + 0.2 * elapsed)
             depth = 0.5 * (last.depth_mps2 + contact.depth_mps2)
             # The acceleration may have begun or ended between the two contacts.
-            centre_std = math.hypot(0.1 * self._width, centre - steady)
+            centre_std = math.hypot(0.1 * self._width, centre - uniform_centre)
             contacts.append(Contact(centre, self._width, depth, centre_std, predicted=True))
         return contacts
 

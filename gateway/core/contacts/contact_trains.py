@@ -111,38 +111,38 @@ def best_train(
     if len(places) < 3:
         return [], 0.0
     centre, depth, width, floor = (values[places] for values in (dips.centre, dips.depth, dips.width, dips.floor))
-    least = _CLIPPED_TURN2_M if clipped_span else _TURN2_M[0]
-    before, after, turns = _possible_pairs(centre, depth, width / rate_hz, floor, prefix, rate_hz, least)
-    good = np.minimum(depth[before], depth[after]) >= _CLIPPED_DEPTH_SHARE * clipped_span
+    least_turn2_m = _CLIPPED_TURN2_M if clipped_span else _TURN2_M[0]
+    starts, ends, turns = _possible_pairs(centre, depth, width / rate_hz, floor, prefix, rate_hz, least_turn2_m)
+    good = np.minimum(depth[starts], depth[ends]) >= _CLIPPED_DEPTH_SHARE * clipped_span
     if prior is not None:
-        size = 0.5 * (width * np.sqrt(depth))[np.stack((before, after))].sum(axis=0) / rate_hz
+        size = 0.5 * (width * np.sqrt(depth))[np.stack((starts, ends))].sum(axis=0) / rate_hz
         good &= (turns < _KNOWN_TURN_RATIO * prior.turn) & (prior.turn < _KNOWN_TURN_RATIO * turns)
         good &= (size < _KNOWN_SIZE_RATIO * prior.size) & (prior.size < _KNOWN_SIZE_RATIO * size)
-    before, after, turns = before[good], after[good], turns[good]
+    starts, ends, turns = starts[good], ends[good], turns[good]
     train, strength = _strongest(
-        before.tolist(), after.tolist(), turns.tolist(), centre.tolist(), depth * np.sqrt(width)
+        starts.tolist(), ends.tolist(), turns.tolist(), centre.tolist(), depth * np.sqrt(width)
     )
     return [int(places[index]) for index in train], strength
 
 
 def _undominated(dips: Dips) -> NDArray[np.int64]:
     """Return the indices of dips that are not hidden by a deeper and longer one nearer than a period can be."""
-    near = np.abs(dips.centre[:, None] - dips.centre[None, :]) < _SHADOW_SHARE * dips.width[None, :] / DUTY[1]
+    is_shadowed = np.abs(dips.centre[:, None] - dips.centre[None, :]) < _SHADOW_SHARE * dips.width[None, :] / DUTY[1]
     ratio = dips.depth[None, :] / dips.depth[:, None]
-    near &= (ratio > 1.0) & (ratio < _SHADOW_DEPTH_RATIO) & (dips.width[None, :] > 0.7 * dips.width[:, None])
-    return np.flatnonzero(~near.any(axis=1))
+    is_shadowed &= (ratio > 1.0) & (ratio < _SHADOW_DEPTH_RATIO) & (dips.width[None, :] > 0.7 * dips.width[:, None])
+    return np.flatnonzero(~is_shadowed.any(axis=1))
 
 
 def _strongest(
-    before: list[int], after: list[int], turns: list[float], centre: list[float], energy: FloatArray
+    starts: list[int], ends: list[int], turns: list[float], centre: list[float], energy: FloatArray
 ) -> tuple[list[int], float]:
     """Join pairs into the train of three or more dips with the greatest sum of energies."""
     energies = energy.tolist()
     # Trains that end with each dip, by their last pair: value, index into `history`, interval, turn, number of dips.
     ending: list[list[tuple[float, int, float, float, int]]] = [[] for _ in centre]
     history: list[tuple[int, int, int]] = []
-    best, best_value, latest = -1, 0.0, -1
-    for i, j, turn in zip(before, after, turns, strict=True):
+    best_pair, best_value, latest = -1, 0.0, -1
+    for i, j, turn in zip(starts, ends, turns, strict=True):
         if j != latest:
             # All pairs that end with the previous dip are known; sort its trains, best first.
             if latest >= 0:
@@ -150,10 +150,10 @@ def _strongest(
             latest = j
         interval = centre[j] - centre[i]
         value, source, count = energies[i], -1, 2
-        for earlier_value, index, earlier, earlier_turn, earlier_count in ending[i]:
+        for earlier_value, index, earlier_interval, earlier_turn, earlier_count in ending[i]:
             if (
-                interval < INTERVAL_RATIO * earlier
-                and earlier < INTERVAL_RATIO * interval
+                interval < INTERVAL_RATIO * earlier_interval
+                and earlier_interval < INTERVAL_RATIO * interval
                 and turn < _TRAIN_TURN_RATIO * earlier_turn
                 and earlier_turn < _TRAIN_TURN_RATIO * turn
             ):
@@ -163,12 +163,12 @@ def _strongest(
         history.append((i, j, source))
         ending[j].append((value, len(history) - 1, interval, turn, count))
         if count >= 3 and value > best_value:
-            best, best_value = len(history) - 1, value
+            best_pair, best_value = len(history) - 1, value
     train: list[int] = []
-    while best >= 0:
-        first, last, best = history[best]
+    while best_pair >= 0:
+        first, last, best_pair = history[best_pair]
         train.append(last)
-        if best < 0:
+        if best_pair < 0:
             train.append(first)
     return train[::-1], best_value
 
@@ -183,12 +183,12 @@ def _possible_pairs(
     least_turn2_m: float,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], FloatArray]:
     """Return pairs of dips that may be neighbouring contacts: indices of both, ordered by the later, and their turn."""
-    at_s = centre / rate_hz
-    i, j = np.nonzero(_period_fits_width(at_s, width_s))
+    times_s = centre / rate_hz
+    i, j = np.nonzero(_period_fits_width(times_s, width_s))
     # Sorted by the later dip, then by the earlier one, so that trains grow in time order.
     order = np.lexsort((i, j))
     i, j = i[order], j[order]
-    period = at_s[j] - at_s[i]
+    period = times_s[j] - times_s[i]
     turns = turn(depth[i], depth[j], period)
     size = width_s * np.sqrt(depth)
     size_ratio, depth_ratio = size[i] / size[j], depth[i] / depth[j]
@@ -203,9 +203,9 @@ def _possible_pairs(
     return i[good], j[good], turns[good]
 
 
-def _period_fits_width(at_s: FloatArray, width_s: FloatArray) -> BoolArray:
+def _period_fits_width(times_s: FloatArray, width_s: FloatArray) -> BoolArray:
     """Return (k, k), [i, j] True where the time from dip i to dip j is a period that their widths allow."""
-    period = at_s[None, :] - at_s[:, None]
+    period = times_s[None, :] - times_s[:, None]
     wider = np.maximum(width_s[None, :], width_s[:, None])
     result: BoolArray = (period > wider / (INTERVAL_RATIO * DUTY[1])) & (
         period < np.minimum(LONGEST_PERIOD_S, wider / DUTY[0])
@@ -231,30 +231,30 @@ def doubtful(train: list[int], dips: Dips, others: Dips) -> bool:
         return True
     length = depth * dips.width[train] ** 2
     other_length = others.depth * others.width**2
-    better = 0
-    for index, (before, after) in enumerate(pairwise(centre.tolist())):
-        inside = (others.centre >= before) & (others.centre <= after)
+    outdone_count = 0
+    for index, (start, end) in enumerate(pairwise(centre.tolist())):
+        inside = (others.centre >= start) & (others.centre <= end)
         inside &= others.depth >= _OUTDONE_DEPTH_RATIO * math.sqrt(depth[index] * depth[index + 1])
         inside &= other_length >= _OUTDONE_LENGTH_SHARE * math.sqrt(length[index] * length[index + 1])
         skipped = (
-            (dips.centre > before)
-            & (dips.centre < after)
+            (dips.centre > start)
+            & (dips.centre < end)
             & (dips.depth >= SKIPPED_DEPTH_SHARE * depth[index : index + 2].min())
         )
         skipped &= np.abs(np.log(dips.depth * dips.width**2 / length[index])) < _SKIPPED_LENGTH_LOG
-        better += bool(inside.any() or skipped.any())
-    if better >= _OUTDONE_SHARE * (len(train) - 1):
+        outdone_count += bool(inside.any() or skipped.any())
+    if outdone_count >= _OUTDONE_SHARE * (len(train) - 1):
         return True
     if len(train) > _SHORT_TRAIN:
         return False
     reach = 1.5 * float(np.diff(centre).max())
-    longest = float(np.median(length))
-    for near in (dips, others):
-        beside = (
-            (near.centre > centre[0] - reach)
-            & (near.centre < centre[-1] + reach)
-            & (near.depth > _NEAR_DEPTH_RATIO * depth.max())
+    typical_length = float(np.median(length))
+    for candidates in (dips, others):
+        is_near = (
+            (candidates.centre > centre[0] - reach)
+            & (candidates.centre < centre[-1] + reach)
+            & (candidates.depth > _NEAR_DEPTH_RATIO * depth.max())
         )
-        if (near.depth[beside] * near.width[beside] ** 2 > _OUTDONE_LENGTH_SHARE * longest).any():
+        if (candidates.depth[is_near] * candidates.width[is_near] ** 2 > _OUTDONE_LENGTH_SHARE * typical_length).any():
             return True
     return False

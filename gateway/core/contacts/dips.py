@@ -144,10 +144,10 @@ def find_dips(signal: FloatArray, rate_hz: float) -> dict[int, Dips]:
     scales = _scales(signal, rate_hz)
     noise = noise_std_mps2(signal[-round(2.0 * rate_hz) :])
     lowest = 0.0 if is_at_range_end(signal) else DEPTH_DURATION2_M[0]
-    longest = DURATION_S[1] * rate_hz
+    longest_width = DURATION_S[1] * rate_hz
     parts = [np.empty((5, 0))]
     for number, scale in enumerate(scales):
-        if scale.width > longest:
+        if scale.width > longest_width:
             break
         score = scale.score
         centre, inner, outer = box_offsets(scale.width / scale.step)
@@ -162,20 +162,20 @@ def find_dips(signal: FloatArray, rate_hz: float) -> dict[int, Dips]:
         is_top[:, 1:] &= rises
         falls = score[:, 1:] <= score[:, :-1]
         is_top[:, :-1] &= falls
-        of, top = is_top.nonzero()
+        row, top = is_top.nonzero()
         if not len(top):
             continue
-        depth = score[of, top]
-        best = depth >= scale.highest(of, top)
-        best &= depth * (scale.width / rate_hz) ** 2 <= DEPTH_DURATION2_M[1]
-        of, top, depth = of[best], top[best], depth[best]
+        depth = score[row, top]
+        is_best = depth >= scale.highest(row, top)
+        is_best &= depth * (scale.width / rate_hz) ** 2 <= DEPTH_DURATION2_M[1]
+        row, top, depth = row[is_best], top[is_best], depth[is_best]
         centres = scale.first + top * float(scale.step)
-        best = np.ones(len(top), np.bool_)
-        for other in scales[max(number - 1, 0) : number] + scales[number + 1 : number + 2]:
-            best &= depth >= other.highest(of, np.rint((centres - other.first) / other.step).astype(np.intp))
-        sign = 1.0 - 2.0 * of[best]
+        is_best = np.ones(len(top), np.bool_)
+        for nearby in scales[max(number - 1, 0) : number] + scales[number + 1 : number + 2]:
+            is_best &= depth >= nearby.highest(row, np.rint((centres - nearby.first) / nearby.step).astype(np.intp))
+        sign = 1.0 - 2.0 * row[is_best]
         width = np.full(len(sign), scale.width)
-        parts.append(np.stack((centres[best], depth[best], width, sign * scale.centre[top[best]], sign)))
+        parts.append(np.stack((centres[is_best], depth[is_best], width, sign * scale.centre[top[is_best]], sign)))
     dips = np.concatenate(parts, axis=1)
     return {sign: _without_duplicates(dips[:4, dips[4] == sign]) for sign in (1, -1)}
 
@@ -217,11 +217,11 @@ def _without_duplicates(parts: FloatArray) -> Dips:
     order = np.argsort(-parts[1], kind="stable")
     centre, _, width, _ = parts[:, order]
     unique: list[int] = []
-    free = np.ones(len(centre), bool)
+    is_remaining = np.ones(len(centre), bool)
     for index in range(len(centre)):
-        if free[index]:
+        if is_remaining[index]:
             unique.append(index)
-            free &= np.abs(centre - centre[index]) > 0.5 * np.maximum(width, width[index])
+            is_remaining &= np.abs(centre - centre[index]) > 0.5 * np.maximum(width, width[index])
     chosen = parts[:, order[unique]]
     chosen = chosen[:, np.argsort(chosen[0], kind="stable")]
     return Dips(chosen[0], chosen[1], chosen[2], chosen[3])

@@ -101,10 +101,10 @@ def rotation_period_s(radial_mps2: FloatArray, rate_hz: float) -> float | None:
     if not power[0] > 0.0:
         return None
     correlation = power / power[0] * (n / (n - np.arange(len(power))))
-    below = np.flatnonzero(correlation < _LOBE_END)
-    if not len(below):
+    low_indices = np.flatnonzero(correlation < _LOBE_END)
+    if not len(low_indices):
         return None
-    start = int(below[0])
+    start = int(low_indices[0])
     highest = float(correlation[start:].max())
     if highest < _LEAST_CORRELATION:
         return None
@@ -126,12 +126,12 @@ def why_no_revolution(signal: RadialSignal, longest_s: float, *, interrupted: bo
     if signal.saturated_share >= _SATURATED_SHARE:
         highest = float(np.abs(signal.radial_mps2).max())
         return (Reason(ContactCode.RADIAL_AT_RANGE_END, share=signal.saturated_share, level_mps2=highest),)
-    measured = float(signal.radial_mps2.mean()) if len(signal.radial_mps2) else 0.0
-    mean = abs(measured) if signal.is_dc else 0.0
-    inward = signal.radial_mps2 if measured >= 0.0 or not signal.is_dc else -signal.radial_mps2
+    raw_mean = float(signal.radial_mps2.mean()) if len(signal.radial_mps2) else 0.0
+    mean = abs(raw_mean) if signal.is_dc else 0.0
+    inward = signal.radial_mps2 if raw_mean >= 0.0 or not signal.is_dc else -signal.radial_mps2
     period_s = rotation_period_s(inward, signal.rate_hz)
     outward = (
-        (Reason(ContactCode.RADIAL_OUTWARD, mean_mps2=measured),) if signal.is_dc and measured < -_ROLLING_MPS2 else ()
+        (Reason(ContactCode.RADIAL_OUTWARD, mean_mps2=raw_mean),) if signal.is_dc and raw_mean < -_ROLLING_MPS2 else ()
     )
     depth = mean - _lowest_mps2(inward, signal.rate_hz, period_s) if len(inward) else 0.0
     reason = None
@@ -139,13 +139,13 @@ def why_no_revolution(signal: RadialSignal, longest_s: float, *, interrupted: bo
         reason = _unit(signal, mean, depth, period_s)
     if reason is None:
         reason = _motion(signal, mean, period_s) or _length(signal, mean, period_s, longest_s, interrupted=interrupted)
-    rolls = mean > (_ROLLING_MPS2 if period_s is None else _SLOW_MPS2)
-    if reason is None and rolls and depth < _CONTACT_SHARE * mean:
+    is_rolling = mean > (_ROLLING_MPS2 if period_s is None else _SLOW_MPS2)
+    if reason is None and is_rolling and depth < _CONTACT_SHARE * mean:
         reason = Reason(ContactCode.NO_CONTACT_SEEN, mean_mps2=mean, lowest_mps2=mean - depth)
     if reason is None and period_s is not None:
         reason = _rate(signal, mean, depth, period_s)
     if reason is None:
-        reason = Reason(ContactCode.CONTACTS_NOT_ALIKE, mean_mps2=measured, std_mps2=float(signal.radial_mps2.std()))
+        reason = Reason(ContactCode.CONTACTS_NOT_ALIKE, mean_mps2=raw_mean, std_mps2=float(signal.radial_mps2.std()))
     return (reason, *outward)
 
 
@@ -188,8 +188,8 @@ def _motion(signal: RadialSignal, mean: float, period_s: float | None) -> Reason
     radial = signal.radial_mps2
     std = float(radial.std()) if len(radial) else 0.0
     # A steady value is no rest: a wheel that rolls fast without a contact varies little.
-    at_rest = mean <= _SLOW_MPS2 if signal.is_dc else period_s is None or std < _REST_STD_MPS2
-    if at_rest and is_still(radial, signal.rate_hz):
+    is_at_rest = mean <= _SLOW_MPS2 if signal.is_dc else period_s is None or std < _REST_STD_MPS2
+    if is_at_rest and is_still(radial, signal.rate_hz):
         return Reason(ContactCode.WHEEL_STANDS, mean_mps2=float(radial.mean()), std_mps2=std)
     limit_mps = math.sqrt(_SLOW_MPS2 * signal.radius_m)
     if (
@@ -266,10 +266,10 @@ class MissingRevolutions:
         self._radius_m = radius_m
         self._rate_hz = 0.0
         self._is_dc = True
-        self._begun = self._since = self._due = self._head = 0
+        self._stretch_start = self._waiting_from = self._next_examination = self._head = 0
         self._stretches = 0
         self._earlier_s = self._longest_s = self._waited_s = 0.0
-        self._came = False
+        self._has_revolution = False
         self._causes: Counter[Code] = Counter()
         self._latest: dict[Code, tuple[Reason, ...]] = {}
         self._repeated: tuple[Code | None, int] = (None, 0)
@@ -278,26 +278,26 @@ class MissingRevolutions:
         """Start a stretch of samples without a gap at running number `head`."""
         self._end_stretch()
         self._rate_hz, self._is_dc = rate_hz, is_dc
-        self._begun = self._head = head
+        self._stretch_start = self._head = head
         self._stretches += 1
         self._schedule(head)
 
     def _end_stretch(self) -> None:
         if self._rate_hz:
-            length_s = (self._head - self._begun) / self._rate_hz
+            length_s = (self._head - self._stretch_start) / self._rate_hz
             self._earlier_s += length_s
             self._longest_s = max(self._longest_s, length_s)
 
-    def _schedule(self, after: int) -> None:
-        self._since = after
-        self._due = after + round(WINDOW_S * self._rate_hz)
+    def _schedule(self, start: int) -> None:
+        self._waiting_from = start
+        self._next_examination = start + round(WINDOW_S * self._rate_hz)
         self._waited_s = 0.0
         self._repeated = (None, 0)
 
     def came(self, end: float) -> None:
         """Take a completed revolution that ended at sample `end`."""
-        self._came = True
-        self._schedule(max(self._begun, int(end)))
+        self._has_revolution = True
+        self._schedule(max(self._stretch_start, int(end)))
 
     def samples(self, head: int, samples: RadialSamples) -> None:
         """Examine the stretches that are due with samples up to `head`.
@@ -307,35 +307,35 @@ class MissingRevolutions:
             samples: these, by ranges.
         """
         self._head = head
-        while self._due <= head:
-            self._examine(self._due, samples)
-            self._due += round(INTERVAL_S * self._rate_hz)
+        while self._next_examination <= head:
+            self._examine(self._next_examination, samples)
+            self._next_examination += round(INTERVAL_S * self._rate_hz)
 
     def finish(self, head: int, samples: RadialSamples) -> None:
         """Examine the last stretch, however short, when no more samples will come."""
         self._head = head
-        if not self._came and not self._causes:
+        if not self._has_revolution and not self._causes:
             self._examine(head, samples)
 
     def _examine(self, end: int, samples: RadialSamples) -> None:
-        first = max(self._since, end - round(WINDOW_S * self._rate_hz))
+        first = max(self._waiting_from, end - round(WINDOW_S * self._rate_hz))
         saturated = samples.saturated_share(first, end)
         signal = RadialSignal(samples.read(first, end), self._rate_hz, self._radius_m, self._is_dc, saturated)
-        longest = samples.longest_measured(first, end)
-        is_whole = longest == end - first
-        longest_s = max(self._longest_s, (end - self._begun if is_whole else longest) / self._rate_hz)
-        reasons = why_no_revolution(signal, longest_s, interrupted=self._stretches > 1 or not is_whole)
-        self._waited_s = (end - self._since) / self._rate_hz
+        longest_run = samples.longest_measured(first, end)
+        is_unbroken = longest_run == end - first
+        longest_s = max(self._longest_s, (end - self._stretch_start if is_unbroken else longest_run) / self._rate_hz)
+        reasons = why_no_revolution(signal, longest_s, interrupted=self._stretches > 1 or not is_unbroken)
+        self._waited_s = (end - self._waiting_from) / self._rate_hz
         code = reasons[0].code
         self._causes[code] += 1
         self._latest[code] = reasons
-        before, count = self._repeated
-        self._repeated = (code, count + 1 if code == before else 1)
+        previous_code, count = self._repeated
+        self._repeated = (code, count + 1 if code == previous_code else 1)
 
     @property
     def duration_s(self) -> float:
         """Length of all samples so far."""
-        return self._earlier_s + ((self._head - self._begun) / self._rate_hz if self._rate_hz else 0.0)
+        return self._earlier_s + ((self._head - self._stretch_start) / self._rate_hz if self._rate_hz else 0.0)
 
     @property
     def waited_s(self) -> float:
@@ -349,10 +349,10 @@ class MissingRevolutions:
         A wheel that stood most of the time should have rolled in the rest of it: the commonest of the other reasons
         counts.
         """
-        if self._came or not self._causes:
+        if self._has_revolution or not self._causes:
             return ()
-        worse = [code for code, _ in self._causes.most_common() if code not in _QUIET]
-        return self._latest[worse[0] if worse else self._causes.most_common(1)[0][0]]
+        faults = [code for code, _ in self._causes.most_common() if code not in _QUIET]
+        return self._latest[faults[0] if faults else self._causes.most_common(1)[0][0]]
 
     @property
     def present(self) -> tuple[Reason, ...]:
@@ -361,7 +361,7 @@ class MissingRevolutions:
         A wheel that stands is worth a word only when it has never rolled.
         """
         code, count = self._repeated
-        if code is None or count < _CONFIRMATIONS or (self._came and code in _QUIET):
+        if code is None or count < _CONFIRMATIONS or (self._has_revolution and code in _QUIET):
             return ()
         return self._latest[code]
 

@@ -69,21 +69,21 @@ def find_contacts(
     n = len(radial_mps2) // decimation * decimation
     signal = radial_mps2[:n].reshape(-1, decimation).mean(axis=1) if decimation > 1 else radial_mps2
     rate = rate_hz / decimation
-    both = find_dips(signal, rate)
+    dips_by_sign = find_dips(signal, rate)
     prefix = np.concatenate(([0.0], np.cumsum(signal)))
     clipped_span = float(np.ptp(signal)) if is_at_range_end(signal) else 0.0
-    best: list[int] = []
+    best_indices: list[int] = []
     best_sign, best_strength = 1, 0.0
     for sign in (1, -1) if prior is None else (prior.sign,):
-        dips = both[sign]
+        dips = dips_by_sign[sign]
         train, strength = best_train(dips, sign * prefix, rate, clipped_span=clipped_span, prior=prior)
         strength *= _SIGN_PREFERENCE if sign > 0 else 1.0
-        if strength > best_strength and (prior is not None or not doubtful(train, dips, both[-sign])):
-            best, best_sign, best_strength = train, sign, strength
-    half, dips_of_sign = 0.5 * (decimation - 1), both[best_sign]
+        if strength > best_strength and (prior is not None or not doubtful(train, dips, dips_by_sign[-sign])):
+            best_indices, best_sign, best_strength = train, sign, strength
+    half, dips_of_sign = 0.5 * (decimation - 1), dips_by_sign[best_sign]
     coarse = [
         (dips_of_sign.centre[i] * decimation + half, dips_of_sign.depth[i], dips_of_sign.width[i] * decimation)
-        for i in best
+        for i in best_indices
     ]
     return [(float(centre), float(depth), float(width)) for centre, depth, width in coarse], best_sign
 
@@ -130,10 +130,10 @@ def _refined_by_numpy(
     # No distance is also that of no crossing at all.
     if after == start or before == start:
         return None
-    below, beyond = sums.item(after - 1), sums.item(after)
-    trailing = after - (beyond - level) / (beyond - below)
-    below, beyond = sums.item(before + 1), sums.item(before)
-    leading = before + (beyond - level) / (beyond - below)
+    inside, outside = sums.item(after - 1), sums.item(after)
+    trailing = after - (outside - level) / (outside - inside)
+    inside, outside = sums.item(before + 1), sums.item(before)
+    leading = before + (outside - level) / (outside - inside)
     # Timing error of a crossing: noise after smoothing, divided by the slope over the smoothing length.
     slopes = [max(_mean_slope(sums, index, smooth) / smooth, sys.float_info.min) for index in (after, before)]
     centre_std = 0.5 * noise / smooth**0.5 * math.hypot(1.0 / slopes[0], 1.0 / slopes[1])

@@ -62,9 +62,9 @@ class Segmenter:
         # Whether loss hid contacts since the last check of a stretch without loss.
         self._is_uncertain = False
         self._properties: WheelProperties | None = None
-        self._look_ahead()
+        self._schedule_decision()
 
-    def _look_ahead(self) -> None:
+    def _schedule_decision(self) -> None:
         """Set when the next decision is due, and which samples it needs."""
         window = round(SEARCH_WINDOW_S * self._rate_hz)
         if self._track is None:
@@ -73,15 +73,15 @@ class Segmenter:
             return
         self.next_index = self._track.next_index
         last = self._track.contact
-        back = max(_CHECK_PERIODS * self._track.periods[-1], 3.0 * last.duration)
-        self.oldest_needed = max(self._origin, int(last.centre - min(back, window)) - 2)
+        look_back = max(_CHECK_PERIODS * self._track.periods[-1], 3.0 * last.duration)
+        self.oldest_needed = max(self._origin, int(last.centre - min(look_back, window)) - 2)
 
     def advance(self, read: Read, missing: Missing, head: int) -> list[ContactPair]:
         """Make every decision that is due with samples up to `head`; return the completed revolutions."""
         pairs: list[ContactPair] = []
         while self.next_index <= head:
             pairs += self._decide(read, missing)
-            self._look_ahead()
+            self._schedule_decision()
         return pairs
 
     def finish(self, read: Read, missing: Missing, head: int) -> list[ContactPair]:
@@ -95,7 +95,7 @@ class Segmenter:
             else:
                 self._search_at = head
             pairs += self._decide(read, missing)
-            self._look_ahead()
+            self._schedule_decision()
             pairs += self.advance(read, missing, head)
         return pairs
 
@@ -120,8 +120,8 @@ class Segmenter:
         self._search_at = end + (self._step if searched_s < SEARCH_WINDOW_S else 2 * self._step)
         radial = read(first, end)
         # The known properties may be wrong, so they are dropped after a time.
-        previous_track = self._properties if searched_s < _TRUST_KNOWN_S else None
-        coarse, sign = find_contacts(radial, self._rate_hz, previous_track)
+        prior = self._properties if searched_s < _TRUST_KNOWN_S else None
+        coarse, sign = find_contacts(radial, self._rate_hz, prior)
         contacts = self._latest_placed(coarse, radial * sign, first, missing)
         if self._skips_any(contacts, sign, read, missing):
             self._origin = int(contacts[-1].centre - 2.0 * contacts[-1].duration)
@@ -170,16 +170,16 @@ class Segmenter:
             for last, contact in pairwise(contacts)
         )
 
-    def _lose(self, resume: int, now: int) -> None:
-        """Search again from sample `resume` on; decisions continue from `now`."""
+    def _lose(self, resume: int, decided_at: int) -> None:
+        """Search again from sample `resume` on; decisions continue from `decided_at`."""
         self.state = WheelState.SEARCHING
         if self._track is not None:
             skips = self._track.skips_contacts
             self._properties = None if skips else self._track.properties or self._properties
         self._track = None
         self._origin = max(resume, self._origin)
-        self._searched_from = now
-        self._search_at = now + self._step
+        self._searched_from = decided_at
+        self._search_at = decided_at + self._step
 
     def _check(self, read: Read, missing: Missing, end: int) -> None:
         """Drop the track if an independent search over the last revolutions finds its contacts elsewhere.
@@ -192,20 +192,20 @@ class Segmenter:
         span = round(_CHECK_PERIODS * track.periods[-1])
         contact = track.contact
         first = max(int(contact.centre) - span, self._origin)
-        is_whole_again = self._is_uncertain and not missing(first, end)
-        if not (self._until_check <= 0 or is_whole_again) or span > SEARCH_WINDOW_S * self._rate_hz:
+        has_recovered = self._is_uncertain and not missing(first, end)
+        if not (self._until_check <= 0 or has_recovered) or span > SEARCH_WINDOW_S * self._rate_hz:
             return
-        if is_whole_again:
+        if has_recovered:
             self._is_uncertain = False
         else:
             self._until_check = self._check_interval
             self._check_interval = min(2 * self._check_interval, _CHECK_INTERVAL_CONTACTS[1])
         contacts, sign = find_contacts(read(first, end), self._rate_hz)
-        near = [
-            abs(first + centre - seen.centre) <= 0.75 * seen.duration
+        matches = [
+            abs(first + centre - tracked.centre) <= 0.75 * tracked.duration
             for centre, _, _ in contacts
-            for seen in track.recent
+            for tracked in track.recent
         ]
-        if contacts and (sign != self.sign or not any(near)):
+        if contacts and (sign != self.sign or not any(matches)):
             self._lose(first, end)
             self._properties = None

@@ -38,8 +38,8 @@ def error_of(value: float, std: float, expected_std: float) -> float:
         std: its standard error, positive.
         expected_std: what is expected of it, likewise.
     """
-    both = math.hypot(std, expected_std)
-    if abs(value) > CONTRADICTION * both:
+    combined_std = math.hypot(std, expected_std)
+    if abs(value) > CONTRADICTION * combined_std:
         return math.hypot(value, std)
-    likely = value * (expected_std / both) ** 2
-    return math.hypot(max(abs(likely), disagreement_std(value, both)), std * expected_std / both)
+    likely = value * (expected_std / combined_std) ** 2
+    return math.hypot(max(abs(likely), disagreement_std(value, combined_std)), std * expected_std / combined_std)

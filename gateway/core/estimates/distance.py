@@ -21,7 +21,7 @@ _LEAST_GAP_TURNS: Final = 0.25
 _ACCELERATION_STD_MPS2: Final = 2.0
 # Standard error of the number of missing turns, and distance to a whole number, within which it is taken as whole.
 _WHOLE_STD_TURNS: Final = 0.15
-_WHOLE_WITHIN_TURNS: Final = 0.3
+_WHOLE_TOLERANCE_TURNS: Final = 0.3
 # Standard error of a number of turns that is not whole.
 _NOT_WHOLE_STD_TURNS: Final = 0.5
 
@@ -41,7 +41,7 @@ class DistanceEstimator(RevolutionEstimator):
         """Start at 0 again, as after a change of tire."""
         self._distance_m = self._turns = self._bridged_m = self._bridged_s = 0.0
         self._bridged_variance_m2 = 0.0
-        self._unknown = 0
+        self._unknown_gaps = 0
         self._end_s = self._frequency_hz = math.nan
 
     def _estimates(self, block: RevolutionBlock, index: int) -> tuple[Estimate, ...]:
@@ -72,8 +72,8 @@ class DistanceEstimator(RevolutionEstimator):
                     std_m=math.sqrt(self._bridged_variance_m2),
                 )
             )
-        if self._unknown:
-            doubts.append(Reason(EstimateCode.DISTANCE_INTERRUPTED, count=float(self._unknown)))
+        if self._unknown_gaps:
+            doubts.append(Reason(EstimateCode.DISTANCE_INTERRUPTED, count=float(self._unknown_gaps)))
         status = Status.PROVISIONAL if doubts else Status.VALID
         return (Estimate(NAMES[0], self._distance_m, std, status, tuple(doubts)),)
 
@@ -85,14 +85,14 @@ class DistanceEstimator(RevolutionEstimator):
             return
         if gap_s < 0.0:
             # The hub's time has started again; how long it was silent is not known.
-            self._unknown += 1
+            self._unknown_gaps += 1
             return
         # The mean speed may differ from the mean of both ends, at most by all of it.
         change_hz = min(_ACCELERATION_STD_MPS2 / circumference_m * gap_s / 4.0, mean)
         std = gap_s * change_hz / math.sqrt(3.0)
-        whole = round(turns)
-        if std < _WHOLE_STD_TURNS and abs(turns - whole) < _WHOLE_WITHIN_TURNS:
-            turns, std = float(whole), 0.0
+        whole_turns = round(turns)
+        if std < _WHOLE_STD_TURNS and abs(turns - whole_turns) < _WHOLE_TOLERANCE_TURNS:
+            turns, std = float(whole_turns), 0.0
         else:
             self._bridged_s += gap_s
             self._bridged_m += turns * circumference_m

@@ -57,7 +57,7 @@ def _estimates(revolution: Revolution, conditions: TireConditions) -> tuple[Esti
     leading, trailing = revolution.leading_edge_rad, revolution.trailing_edge_rad
     leading_std, trailing_std = revolution.leading_edge_std_rad, revolution.trailing_edge_std_rad
     status, reasons = edge_condition(revolution)
-    of_times = _timing_condition(revolution, status, reasons)
+    timing_condition = _timing_condition(revolution, status, reasons)
     radius_error = conditions.radius_std_m / radius if radius > 0.0 else math.nan
     speed = radius * revolution.omega_radps
     timing_error = math.hypot(revolution.period_std_s / revolution.period_s, conditions.claims.rate_std)
@@ -73,9 +73,9 @@ def _estimates(revolution: Revolution, conditions: TireConditions) -> tuple[Esti
     leading_std, trailing_std = math.hypot(leading_std, CENTRE_STD_RAD), math.hypot(trailing_std, CENTRE_STD_RAD)
     omega = revolution.omega_radps
     rows = (
-        (NAMES[0], speed, speed_std, *of_times, speed * timing_scatter),
-        (NAMES[1], omega, omega_std, *of_times, omega * timing_scatter),
-        (NAMES[2], rpm, rpm_std, *of_times, rpm * timing_scatter),
+        (NAMES[0], speed, speed_std, *timing_condition, speed * timing_scatter),
+        (NAMES[1], omega, omega_std, *timing_condition, omega * timing_scatter),
+        (NAMES[2], rpm, rpm_std, *timing_condition, rpm * timing_scatter),
         (NAMES[3], leading, leading_std, status, reasons, 0.0),
         (NAMES[4], trailing, trailing_std, status, reasons, 0.0),
         (NAMES[5], length, length_std, status, reasons, 0.0),
@@ -84,10 +84,10 @@ def _estimates(revolution: Revolution, conditions: TireConditions) -> tuple[Esti
     # A sum is finite where all of it is.
     if math.isfinite(rpm + speed + length + angle + timing_scatter):
         return tuple(map(estimate_of, rows))
-    return tuple(_possibly_unknown(*row) for row in rows)
+    return tuple(_checked_estimate(*row) for row in rows)
 
 
-def _possibly_unknown(
+def _checked_estimate(
     name: str, value: float, std: float, status: Status, reasons: tuple[Reason, ...], scatter_std: float
 ) -> Estimate:
     """Return an estimate, invalid where its value is not finite."""

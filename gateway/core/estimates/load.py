@@ -59,8 +59,8 @@ class LoadEstimator(RevolutionEstimator):
     def reset(self) -> None:
         """Forget the warm start of the estimator that gives Cw, and the mean load of the drive."""
         self._numbers: Estimator | None = None
-        nothing = TireData()
-        self._tires = nothing, nothing
+        unknown_tire = TireData()
+        self._tires = unknown_tire, unknown_tire
         # Mean of pressure times the square of the half angle, which load is proportional to, and revolutions in it.
         self._mean_proxy = 0.0
         self._count = 0
@@ -78,19 +78,19 @@ class LoadEstimator(RevolutionEstimator):
         by_angle = _by_angle(revolution, conditions, half, half_std, pressure)
         disagreement_n = _disagreement_n(by_angle, conditions)
         by_angle = _compared(by_angle, conditions)
-        by_width = _behind(self._by_width(block, index), block, index, half, half_std)
+        by_width = _with_average_lag(self._by_width(block, index), block, index, half, half_std)
         by_width = _compared(by_width, conditions)
         if DoubtRule.TWO_LOADS in conditions.rules:
             by_angle, by_width = _widened(by_angle, by_width)
-        load = _better(by_angle, by_width)
+        load = _better_estimate(by_angle, by_width)
         doubts = _contradictions((by_angle, by_width), conditions)
         edges, faults = edge_condition(revolution)
         doubts = doubts if edges is Status.VALID else (*doubts, *faults)
-        change_n = self._change(revolution, half, half_std, pressure) * (conditions.load_n or 0.0)
-        stated = replace(conditions, load_std_n=math.hypot(conditions.load_std_n, disagreement_n, change_n))
-        return load, by_angle, by_width, _pressure_number(load, stated, doubts, half, half_std, pressure)
+        change_n = self._load_change(revolution, half, half_std, pressure) * (conditions.load_n or 0.0)
+        widened = replace(conditions, load_std_n=math.hypot(conditions.load_std_n, disagreement_n, change_n))
+        return load, by_angle, by_width, _pressure_number(load, widened, doubts, half, half_std, pressure)
 
-    def _change(self, revolution: Revolution, half: float, half_std: float, pressure: float) -> float:
+    def _load_change(self, revolution: Revolution, half: float, half_std: float, pressure: float) -> float:
         """Return the relative change of the load against its mean so far, as far as errors do not explain it.
 
         A load is stated of the whole drive. Steps and curves change it within.
@@ -105,11 +105,11 @@ class LoadEstimator(RevolutionEstimator):
 
     def _without_width(self, tire: TireData) -> TireData:
         """Return data of the tire without its width, which an assumed load must not be compared with."""
-        last_tire, without = self._tires
+        last_tire, without_width = self._tires
         if tire is not last_tire:
-            without = replace(tire, reference=replace(tire.reference, Cw=None))
-            self._tires = tire, without
-        return without
+            without_width = replace(tire, reference=replace(tire.reference, Cw=None))
+            self._tires = tire, without_width
+        return without_width
 
     def _by_width(self, block: RevolutionBlock, index: int) -> Estimate:
         conditions = block.conditions[index]
@@ -137,7 +137,7 @@ class LoadEstimator(RevolutionEstimator):
         if width.status is Status.INVALID:
             return Estimate.invalid(NAMES[2], *width.reasons)
         value = load * reference.Cw / width.value
-        relative2 = max(0.0, (width.std / width.value) ** 2 + _beyond_load(width, load_std / load, conditions))
+        relative2 = max(0.0, (width.std / width.value) ** 2 + _added_variance(width, load_std / load, conditions))
         std = value * math.sqrt(relative2 + (reference.Cw_std / reference.Cw) ** 2)
         # Another width than the new tire's contradicts the stated load, not this one.
         doubts = tuple(
@@ -152,7 +152,7 @@ class LoadEstimator(RevolutionEstimator):
         return Estimate(NAMES[2], value, std, status, doubts, value * width.scatter_std / width.value)
 
 
-def _behind(by_width: Estimate, block: RevolutionBlock, index: int, half: float, half_std: float) -> Estimate:
+def _with_average_lag(by_width: Estimate, block: RevolutionBlock, index: int, half: float, half_std: float) -> Estimate:
     """Return a load by the width with the error that its average makes where the load has changed within its memory.
 
     The load goes with the square of the contact's half angle, which every revolution has of its own.
@@ -164,29 +164,29 @@ def _behind(by_width: Estimate, block: RevolutionBlock, index: int, half: float,
     if not ratio > 0.0:
         return by_width
     change = 2.0 * math.log(ratio)
-    beyond2 = change * change - (2.0 * half_std / half) ** 2
-    return by_width._replace(std=math.hypot(by_width.std, by_width.value * math.sqrt(max(beyond2, 0.0))))
+    unexplained2 = change * change - (2.0 * half_std / half) ** 2
+    return by_width._replace(std=math.hypot(by_width.std, by_width.value * math.sqrt(max(unexplained2, 0.0))))
 
 
-def _beyond_load(width: Estimate, load_std: float, conditions: TireConditions) -> float:
+def _added_variance(width: Estimate, load_std: float, conditions: TireConditions) -> float:
     """Return what the relative variance of a load by the width has beyond that of the width.
 
     The error of the stated load is part of that of Cw and cancels; those of pressure and radius do not. Where the width
     of the new tire has replaced all three together, pressure and radius come back as stated.
     """
-    replaced = next((reason["error"] for reason in width.reasons if reason.code is EstimateCode.SCALE_BY_WIDTH), None)
-    if not isinstance(replaced, float) or not conditions.pressure_pa:
+    scale_std = next((reason["error"] for reason in width.reasons if reason.code is EstimateCode.SCALE_BY_WIDTH), None)
+    if not isinstance(scale_std, float) or not conditions.pressure_pa:
         return -(load_std**2)
     pressure_std = conditions.pressure_std_pa / conditions.pressure_pa
-    return pressure_std**2 + (2.0 * conditions.radius_std_m / conditions.radius_m) ** 2 - replaced**2
+    return pressure_std**2 + (2.0 * conditions.radius_std_m / conditions.radius_m) ** 2 - scale_std**2
 
 
 def _disagreement_n(by_angle: Estimate, conditions: TireConditions) -> float:
     """Return the error of the stated load because the contact angle disagrees with it, short of a contradiction."""
     if conditions.load_n is None or by_angle.status is Status.INVALID:
         return 0.0
-    both = math.hypot(by_angle.std, conditions.load_std_n)
-    return disagreement_std(by_angle.value - conditions.load_n, both)
+    combined_std = math.hypot(by_angle.std, conditions.load_std_n)
+    return disagreement_std(by_angle.value - conditions.load_n, combined_std)
 
 
 def _compared(estimate: Estimate, conditions: TireConditions) -> Estimate:
@@ -197,14 +197,14 @@ def _compared(estimate: Estimate, conditions: TireConditions) -> Estimate:
     stated_n, stated_std_n = conditions.load_n, conditions.load_std_n
     if stated_n is None or estimate.status is Status.INVALID:
         return estimate
-    difference, both = estimate.value - stated_n, math.hypot(estimate.std, stated_std_n)
-    if not abs(difference) > CONTRADICTION * both:
+    difference, combined_std = estimate.value - stated_n, math.hypot(estimate.std, stated_std_n)
+    if not abs(difference) > CONTRADICTION * combined_std:
         # The error of the width has it already.
         included = any(reason.code is EstimateCode.WIDTH_DISAGREES for reason in estimate.reasons)
-        added = 0.0 if included else disagreement_std(difference, both)
+        added = 0.0 if included else disagreement_std(difference, combined_std)
         return estimate._replace(std=math.hypot(estimate.std, added)) if added else estimate
-    against = Reason(EstimateCode.LOAD_CONTRADICTED, stated_n=stated_n, stated_std_n=stated_std_n)
-    return estimate._replace(status=Status.PROVISIONAL, reasons=(against, *estimate.reasons))
+    contradiction = Reason(EstimateCode.LOAD_CONTRADICTED, stated_n=stated_n, stated_std_n=stated_std_n)
+    return estimate._replace(status=Status.PROVISIONAL, reasons=(contradiction, *estimate.reasons))
 
 
 def _widened(by_angle: Estimate, by_width: Estimate) -> tuple[Estimate, Estimate]:
@@ -278,16 +278,16 @@ def _bending_change(
     measured = bending_since_reference(conditions, prefer_ratio=True)
     if measured.status is Status.VALID:
         # The number has been measured at the present temperature; only calibration and reference may differ in it.
-        between = tire.reference.softening(calibration.temperature_degc, tire.reference.temperature_degc)
-        same = calibration.temperature_degc is None
-        std = measured.std if same else math.hypot(measured.std, between.std)
-        change = measured.value - (0.0 if same else between.logarithm)
-        noted = (
+        reference_softening = tire.reference.softening(calibration.temperature_degc, tire.reference.temperature_degc)
+        is_same_temperature = calibration.temperature_degc is None
+        std = measured.std if is_same_temperature else math.hypot(measured.std, reference_softening.std)
+        change = measured.value - (0.0 if is_same_temperature else reference_softening.logarithm)
+        reasons = (
             (Reason(EstimateCode.CORRECTED_FOR_BENDING, change=math.expm1(change)),)
             if abs(change) > _REPORTED_CHANGE
             else ()
         )
-        return change, std, noted
+        return change, std, reasons
     thickness = tire.ring_thickness_m or _USUAL_THICKNESS_M
     remaining = max(1.0 - (tire.wear_m or 0.0) / thickness, _LEAST_THICKNESS_SHARE)
     softening = tire.reference.softening(conditions.temperature_degc, calibration.temperature_degc)
@@ -307,48 +307,46 @@ def _bending_change(
     return change, math.hypot(wear_std, softening.std), tuple(notes)
 
 
-def _better(by_angle: Estimate, by_width: Estimate) -> Estimate:
+def _better_estimate(by_angle: Estimate, by_width: Estimate) -> Estimate:
     """Return the estimate with the better status, then the smaller error, as load_n."""
     rank = {Status.VALID: 0, Status.PROVISIONAL: 1, Status.INVALID: 2}
-    best = min(by_angle, by_width, key=lambda estimate: (rank[estimate.status], estimate.std))
-    if best.status is Status.INVALID:
+    chosen = min(by_angle, by_width, key=lambda estimate: (rank[estimate.status], estimate.std))
+    if chosen.status is Status.INVALID:
         return Estimate.invalid(
             NAMES[0],
             Reason(EstimateCode.NO_LOAD_FROM, source="contact_angle", why=by_angle.reasons),
             Reason(EstimateCode.NO_LOAD_FROM, source="belt_width", why=by_width.reasons),
         )
-    source = Reason(EstimateCode.FROM_CONTACT_ANGLE if best is by_angle else EstimateCode.FROM_BELT_WIDTH)
-    return best._replace(name=NAMES[0], reasons=(source, *best.reasons))
+    source = Reason(EstimateCode.FROM_CONTACT_ANGLE if chosen is by_angle else EstimateCode.FROM_BELT_WIDTH)
+    return chosen._replace(name=NAMES[0], reasons=(source, *chosen.reasons))
 
 
 def _contradictions(loads: tuple[Estimate, ...], conditions: TireConditions) -> tuple[Reason, ...]:
     """Return what contradicts the stated load or pressure: loads from the contact, or another belt width."""
     width = conditions.given.get(conditions.tire.reference.estimator, {}).get("Cw")
     estimates = (*loads, width) if width is not None else loads
-    against = (EstimateCode.LOAD_CONTRADICTED, EstimateCode.WIDTH_CONTRADICTED)
-    return tuple(
-        dict.fromkeys(reason for estimate in estimates for reason in estimate.reasons if reason.code in against)
-    )
+    codes = (EstimateCode.LOAD_CONTRADICTED, EstimateCode.WIDTH_CONTRADICTED)
+    return tuple(dict.fromkeys(reason for estimate in estimates for reason in estimate.reasons if reason.code in codes))
 
 
 def _scale_error(conditions: TireConditions, load_std: float) -> float:
     """Return the relative error of Q / (p0 R^2), of a load with that error, given the belt width of the new tire."""
     width = conditions.given.get(conditions.tire.reference.estimator, {}).get("Cw")
-    by_width = {
+    errors = {
         reason.code: reason["error"]
         for reason in (width.reasons if width is not None else ())
         if reason.code in (EstimateCode.SCALE_BY_WIDTH, EstimateCode.WIDTH_DISAGREES)
     }
-    replaced, added = by_width.get(EstimateCode.SCALE_BY_WIDTH), by_width.get(EstimateCode.WIDTH_DISAGREES, 0.0)
-    if isinstance(replaced, float) and conditions.load_n is not None:
-        return replaced
+    scale_std, width_std = errors.get(EstimateCode.SCALE_BY_WIDTH), errors.get(EstimateCode.WIDTH_DISAGREES, 0.0)
+    if isinstance(scale_std, float) and conditions.load_n is not None:
+        return scale_std
     assert conditions.pressure_pa is not None
-    stated = (
+    relative_stds = (
         load_std,
         conditions.pressure_std_pa / conditions.pressure_pa,
         2.0 * conditions.radius_std_m / conditions.radius_m,
     )
-    return math.hypot(*stated, added if isinstance(added, float) else 0.0)
+    return math.hypot(*relative_stds, width_std if isinstance(width_std, float) else 0.0)
 
 
 def _pressure_number(

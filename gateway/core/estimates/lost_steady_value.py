@@ -21,12 +21,12 @@ _MIDDLE_RAD: Final = 0.05
 _LEVEL_STD: Final = 0.04
 # Lost share of the steady value from which it counts as lost: six times that error. A revolution on a rough road
 # scatters by more, so the last three must agree, and the first ones must have lost twice as much.
-_LOST: Final = 0.25
+_LOST_SHARE: Final = 0.25
 _CONSECUTIVE: Final = 3
-_LOST_AT_FIRST: Final = 0.5
+_FIRST_LOST_SHARE: Final = 0.5
 # Revolutions in a row that must have their steady value until it no longer counts as lost. Behind a high-pass of 0.1 Hz
 # a car that moves off has most of it for less than that.
-_SOUND: Final = 16
+_SOUND_REVOLUTIONS: Final = 16
 
 
 class LostSteadyValue(NamedTuple):
@@ -52,7 +52,7 @@ class SteadyValueCheck:
         """Forget everything, as after a change of sensor."""
         # Share that is left, and whether that is a loss, of the last revolutions.
         self._shares: deque[float] = deque(maxlen=_CONSECUTIVE)
-        self._sound = 0
+        self._sound_count = 0
         self._is_lost = False
 
     def update_block(self, block: RevolutionBlock) -> list[LostSteadyValue | None]:
@@ -81,11 +81,11 @@ class SteadyValueCheck:
         share = max(mean / depth, abs(mean) / steady)
         is_large = -floor > LARGEST_ZERO_MPS2
         self._shares.append(share if is_large else max(share, 1.0))
-        lost = 1.0 - max(self._shares)
-        if lost > (_LOST if len(self._shares) == _CONSECUTIVE else _LOST_AT_FIRST):
+        lost_share = 1.0 - max(self._shares)
+        if lost_share > (_LOST_SHARE if len(self._shares) == _CONSECUTIVE else _FIRST_LOST_SHARE):
             self._is_lost = True
-        self._sound = self._sound + 1 if 1.0 - self._shares[-1] < _LOST else 0
-        if self._sound >= _SOUND:
+        self._sound_count = self._sound_count + 1 if 1.0 - self._shares[-1] < _LOST_SHARE else 0
+        if self._sound_count >= _SOUND_REVOLUTIONS:
             self._is_lost = False
 
     def _present(self) -> LostSteadyValue:

@@ -89,9 +89,9 @@ def plugin_fault(plugin: Plugin, loaded: object) -> Reason | None:
         return Reason(
             CoreCode.PLUGIN_REFUSED, why="wrong_type", expected="an estimator with a tuple `quantities` of `Quantity`"
         )
-    taken = declare(plugin.name, quantities)
+    clash = declare(plugin.name, quantities)
     return (
-        Reason(CoreCode.PLUGIN_REFUSED, why="quantity_taken", name=taken[0], by=taken[1]) if taken is not None else None
+        Reason(CoreCode.PLUGIN_REFUSED, why="quantity_taken", name=clash[0], by=clash[1]) if clash is not None else None
     )
 
 

@@ -88,5 +88,5 @@ class ResultBlock:
 
 def blocks_of(results: Iterable[RevolutionResult]) -> Iterator[ResultBlock]:
     """Return results as blocks; those of one wheel that follow each other share a block."""
-    alike = groupby(results, lambda result: (result.position, *map(_NAME, result.estimates)))
-    return (ResultBlock(list(rows)) for _, rows in alike)
+    groups = groupby(results, lambda result: (result.position, *map(_NAME, result.estimates)))
+    return (ResultBlock(list(rows)) for _, rows in groups)

@@ -208,8 +208,8 @@ class WheelSnapshot:
         A sensor whose samples, or an axis of them, have stopped may still send them.
         """
         silence = self.silence
-        still_comes = silence is None or (silence.part in (SilentPart.SAMPLES, SilentPart.AXIS) and silence.is_certain)
-        return still_comes and self.old_environment is None
+        is_arriving = silence is None or (silence.part in (SilentPart.SAMPLES, SilentPart.AXIS) and silence.is_certain)
+        return is_arriving and self.old_environment is None
 
 
 @dataclass(frozen=True, slots=True)

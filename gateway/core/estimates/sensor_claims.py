@@ -61,12 +61,12 @@ class Tilt(NamedTuple):
         """
         has_roll, has_pitch = not math.isnan(roll_rad), not math.isnan(pitch_rad)
         roll, pitch = roll_rad if has_roll else 0.0, pitch_rad if has_pitch else 0.0
-        square = (roll * roll + pitch * pitch) / max(has_roll + has_pitch, 1)
-        by_hand = math.hypot(HAND_MOUNTED_YAW_STD_RAD, math.sqrt(max(square - HAND_MOUNTED_STD_RAD**2, 0.0)))
+        tilt2 = (roll * roll + pitch * pitch) / max(has_roll + has_pitch, 1)
+        mounting_std = math.hypot(HAND_MOUNTED_YAW_STD_RAD, math.sqrt(max(tilt2 - HAND_MOUNTED_STD_RAD**2, 0.0)))
         yaw_rad, std_rad = yaw
         # Not a number contradicts nothing.
-        is_askew = abs(yaw_rad) > CONTRADICTION * math.hypot(std_rad, by_hand)
-        return cls(roll, pitch, math.hypot(yaw_rad, std_rad) if is_askew else by_hand)
+        is_askew = abs(yaw_rad) > CONTRADICTION * math.hypot(std_rad, mounting_std)
+        return cls(roll, pitch, math.hypot(yaw_rad, std_rad) if is_askew else mounting_std)
 
     def offset_error_m(self, offset_m: float, by_yaw_m: float) -> float:
         """Return the error of a mounting offset by the yaw.

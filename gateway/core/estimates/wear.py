@@ -53,7 +53,7 @@ class WearEstimator(RevolutionEstimator):
         """Forget the drift."""
         self._values = RunningMoments(2, covariance=True)
         self._first = self._latest = 0.0
-        self._due: int | None = None
+        self._next_index: int | None = None
         self._temperatures: list[float | None] = []
         self._tire: TireData | None = None
         self._latest_drift: Estimate | None = None
@@ -75,10 +75,10 @@ class WearEstimator(RevolutionEstimator):
     def _drift(self, revolution: Revolution, wear: Estimate, conditions: TireConditions) -> Estimate:
         """Add a value when it is independent of the last, and return the drift since the first."""
         temperature = conditions.temperature_degc
-        if wear.status is Status.VALID and (self._due is None or revolution.index >= self._due):
-            if self._due is None:
+        if wear.status is Status.VALID and (self._next_index is None or revolution.index >= self._next_index):
+            if self._next_index is None:
                 self._first = float(revolution.index)
-            self._due = revolution.index + _SPACING_REVOLUTIONS
+            self._next_index = revolution.index + _SPACING_REVOLUTIONS
             self._latest = float(revolution.index)
             self._values.update(np.array([self._latest, wear.value]), 1.0 / (self._values.count + 1))
             self._temperatures = [*self._temperatures[:1], temperature]
@@ -155,7 +155,7 @@ def _with_ratio(bending: Estimate, conditions: TireConditions, softening: Soften
     if difference <= CONTRADICTION * math.hypot(bending.std, by_ratio.std):
         return bending._replace(std=max(bending.std, difference))
     number_m, ratio_m = (
-        thickness_m * (1.0 - thickness_left(way.value - softening.logarithm)) for way in (bending, by_ratio)
+        thickness_m * (1.0 - thickness_left(estimate.value - softening.logarithm)) for estimate in (bending, by_ratio)
     )
     note = Reason(EstimateCode.WEARS_DISAGREE, number_m=number_m, ratio_m=ratio_m)
     return bending._replace(std=difference, reasons=(*bending.reasons, note))
@@ -178,7 +178,7 @@ def bending_since_reference(conditions: TireConditions, *, prefer_ratio: bool = 
             EstimateCode.NEEDS_ESTIMATOR if reference.estimator in estimator_names() else EstimateCode.UNKNOWN_ESTIMATOR
         )
         return Estimate.invalid(name, Reason(code, estimator=reference.estimator))
-    bending, new, new_relative = numbers.get("Bs"), reference.Bs, reference.Bs_std / reference.Bs
+    bending, new_value, new_relative = numbers.get("Bs"), reference.Bs, reference.Bs_std / reference.Bs
     if bending is None:
         bending = Estimate.invalid(
             "Bs", Reason(EstimateCode.NUMBER_MISSING, estimator=reference.estimator, number="Bs")
@@ -187,12 +187,12 @@ def bending_since_reference(conditions: TireConditions, *, prefer_ratio: bool = 
     if (bending.status is Status.INVALID or prefer_ratio) and reference.Cw is not None:
         ratio = numbers.get("Bs/Cw")
         if ratio is not None and ratio.status is not Status.INVALID:
-            bending, new = ratio, reference.Bs / reference.Cw
+            bending, new_value = ratio, reference.Bs / reference.Cw
             new_relative = math.hypot(new_relative, reference.Cw_std / reference.Cw)
             notes.append(_FROM_RATIO)
     if bending.status is Status.INVALID:
         return Estimate.invalid(name, *bending.reasons)
-    stiffness = bending.value / new
+    stiffness = bending.value / new_value
     errors = [bending.std / bending.value, new_relative]
     status = bending.status
     if conditions.pressure_pa and reference.pressure_pa:

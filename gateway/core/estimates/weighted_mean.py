@@ -183,12 +183,12 @@ def mean_estimate(mean: WeightedMean, memory_revolutions: float = 0.0) -> MeanEs
     independent = max(mean.count / max(2.0 * memory_revolutions, 1.0), 1.0)
     scatter = math.nan if mean.scatter is None else mean.scatter
     constant_std = math.nan if mean.constant_std is None else mean.constant_std
-    observed, stated = (0.0 if math.isnan(scatter) else scatter), mean.stated_scatter
-    scatter_std = observed if mean.varies else max(observed, stated) / math.sqrt(independent)
+    observed, error_scatter = (0.0 if math.isnan(scatter) else scatter), mean.stated_scatter
+    scatter_std = observed if mean.varies else max(observed, error_scatter) / math.sqrt(independent)
     std = math.hypot(constant_std, scatter_std)
     freedom = math.inf
     # An error that is stated is taken as known.
-    if independent > 1.0 and observed > stated:
+    if independent > 1.0 and observed > error_scatter:
         freedom = (std / scatter_std) ** 4 * (independent - 1.0)
     return MeanEstimate(
         value=math.nan if mean.value is None else mean.value,

@@ -72,8 +72,8 @@ def keep(seen: dict[str, Sighting], sighting: Sighting, target: str = "") -> Non
     What matters most is the device that `target`, an address or a name, names, then hubs.
     """
 
-    def rank(each: Sighting) -> tuple[bool, bool]:
-        return bool(target) and is_meant(each, target), each.is_hub
+    def rank(candidate: Sighting) -> tuple[bool, bool]:
+        return bool(target) and is_meant(candidate, target), candidate.is_hub
 
     if len(seen) >= MAX_SIGHTINGS and sighting.address not in seen:
         lowest = min(seen.values(), key=rank)
@@ -89,23 +89,23 @@ def pick(sightings: Iterable[Sighting], target: str) -> Sighting:
     Raises:
         SourceError: it is not among them, or several have its name.
     """
-    seen = list(sightings)
-    meant = [sighting for sighting in seen if is_meant(sighting, target)]
-    if len(meant) > 1:
+    candidates = list(sightings)
+    matches = [sighting for sighting in candidates if is_meant(sighting, target)]
+    if len(matches) > 1:
         raise SourceError(
-            f"{len(meant)} hubs are named '{target}': {_listed(meant)}",
-            f"Give the address of the one you want: ble://{meant[0].address}",
+            f"{len(matches)} hubs are named '{target}': {_listed(matches)}",
+            f"Give the address of the one you want: ble://{matches[0].address}",
             cause="several",
         )
-    if not meant:
-        hubs = [sighting for sighting in seen if sighting.is_hub]
-        around = f"Hubs in range: {_listed(hubs)}." if hubs else "No hub is in range."
+    if not matches:
+        hubs = [sighting for sighting in candidates if sighting.is_hub]
+        hint = f"Hubs in range: {_listed(hubs)}." if hubs else "No hub is in range."
         raise SourceError(
             f"no hub {'at' if is_address(target) else 'named'} {target} answers",
-            f"{around} Is it on, near, and not connected to another computer? `treadlink scan` lists what is in range.",
+            f"{hint} Is it on, near, and not connected to another computer? `treadlink scan` lists what is in range.",
             cause="absent",
         )
-    return meant[0]
+    return matches[0]
 
 
 def uart_characteristics(
@@ -134,5 +134,5 @@ def uart_characteristics(
 
 def _listed(sightings: Iterable[Sighting]) -> str:
     strongest = sorted(sightings, key=lambda sighting: -(sighting.rssi_dbm or -128))
-    rest = f" and {len(strongest) - _MAX_LISTED} more" if len(strongest) > _MAX_LISTED else ""
-    return ", ".join(map(str, strongest[:_MAX_LISTED])) + rest
+    omitted = f" and {len(strongest) - _MAX_LISTED} more" if len(strongest) > _MAX_LISTED else ""
+    return ", ".join(map(str, strongest[:_MAX_LISTED])) + omitted

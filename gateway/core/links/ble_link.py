@@ -59,20 +59,20 @@ async def find(settings: BleSettings) -> Sighting:
         SourceError: not found, or several have the name.
         BleakError: Bluetooth fails; BLE_ERRORS lists all errors.
     """
-    seen: dict[str, Sighting] = {}
+    sightings: dict[str, Sighting] = {}
     target_sighted = asyncio.Event()
 
-    def hear(sighting: Sighting) -> None:
-        keep(seen, sighting, settings.target)
+    def record(sighting: Sighting) -> None:
+        keep(sightings, sighting, settings.target)
         if is_meant(sighting, settings.target):
             target_sighted.set()
 
-    async with radio().scanner(settings.adapter).listen(hear):
+    async with radio().scanner(settings.adapter).listen(record):
         with suppress(TimeoutError):
             await asyncio.wait_for(target_sighted.wait(), settings.scan_s)
             if not is_address(settings.target):
                 await asyncio.sleep(settings.scan_s * _SETTLE_SHARE)
-    return pick(seen.values(), settings.target)
+    return pick(sightings.values(), settings.target)
 
 
 class BleLink:
@@ -93,8 +93,8 @@ class BleLink:
         self._arrival = threading.Condition()
         self._arrived = bytearray()
         self._dropped = 0
-        self._lost = False
-        self._closing = False
+        self._is_lost = False
+        self._is_closing = False
 
     def open(self) -> None:
         """Find the hub, connect and subscribe.
@@ -115,12 +115,12 @@ class BleLink:
             LinkLostError: the connection broke.
         """
         with self._arrival:
-            if not self._arrived and not self._lost:
+            if not self._arrived and not self._is_lost:
                 self._arrival.wait(timeout_s)
             data = bytes(self._arrived)
             self._arrived = bytearray()
-            lost = self._lost
-        if lost and not data:
+            is_lost = self._is_lost
+        if is_lost and not data:
             raise LinkLostError(
                 f"{self._name()} was lost unexpectedly", "Out of range, or without power? Searching for it."
             )
@@ -134,7 +134,7 @@ class BleLink:
             LinkLostError: the write failed.
         """
         client, target = self._client, self._write_to
-        if client is None or self._lost:
+        if client is None or self._is_lost:
             raise LinkLostError(f"{self._name()} is not connected")
         if target is None:
             raise SourceError(f"{self._name()} takes no commands", "Its firmware has no characteristic to write to.")
@@ -147,7 +147,7 @@ class BleLink:
 
     def close(self) -> None:
         """Disconnect; may be called at any time and twice, never raises."""
-        self._closing = True
+        self._is_closing = True
         client, self._client = self._client, None
         if client is not None:
             with suppress(*BLE_ERRORS):
@@ -195,7 +195,7 @@ class BleLink:
                 return
 
     async def _connect(self, device: BLEDevice) -> None:
-        self._lost = False
+        self._is_lost = False
         client = BleakClient(device, disconnected_callback=self._on_disconnected, timeout=_CONNECT_TIMEOUT_S)
         try:
             await client.connect()
@@ -221,10 +221,10 @@ class BleLink:
             self._arrival.notify()
 
     def _on_disconnected(self, _: BleakClient) -> None:
-        if self._closing:
+        if self._is_closing:
             return
         with self._arrival:
-            self._lost = True
+            self._is_lost = True
             self._arrival.notify()
 
 
@@ -238,9 +238,9 @@ async def _leave(client: BleakClient) -> None:
 async def _mtu(characteristic: BleakGATTCharacteristic) -> int | None:
     """Return the ATT MTU once it is known: Windows may report it a moment after connecting, an old BlueZ never."""
     for poll in range(_MTU_POLLS + 1):
-        room: Any = characteristic.max_write_without_response_size
-        if room > _LEAST_WRITE_BYTES:
-            return int(room) + _ATT_HEADER_BYTES
+        payload_bytes: Any = characteristic.max_write_without_response_size
+        if payload_bytes > _LEAST_WRITE_BYTES:
+            return int(payload_bytes) + _ATT_HEADER_BYTES
         if poll < _MTU_POLLS:
             await asyncio.sleep(_MTU_POLL_S)
     return None

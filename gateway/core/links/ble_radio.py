@@ -152,7 +152,7 @@ class SharedScanner:
         self._bluez: Any = {"adapter": adapter} if adapter else {}
         self._listeners: list[Listener] = []
         self._scanner: BleakScanner | None = None
-        self._changing = asyncio.Lock()
+        self._scanner_lock = asyncio.Lock()
 
     @asynccontextmanager
     async def listen(self, listener: Listener) -> AsyncIterator[None]:
@@ -161,14 +161,14 @@ class SharedScanner:
         Raises:
             BleakError: the adapter cannot scan; BLE_ERRORS has all of it.
         """
-        async with self._changing:
+        async with self._scanner_lock:
             async with asyncio.timeout(_START_TIMEOUT_S):  # a D-Bus that ends leaves its callers waiting
                 await self._start(listener)
             self._listeners.append(listener)
         try:
             yield
         finally:
-            async with self._changing:
+            async with self._scanner_lock:
                 self._listeners.remove(listener)
                 if not self._listeners:
                     await self._stop()
@@ -179,7 +179,7 @@ class SharedScanner:
         # Restarted for every new listener: a scanner does not notice that Bluetooth was restarted or switched off.
         await self._stop()
         _logger.debug("scanning with %s", self._bluez or "the system's first adapter")
-        scanner = BleakScanner(self._heard, bluez=self._bluez)
+        scanner = BleakScanner(self._on_advertisement, bluez=self._bluez)
         await scanner.start()
         self._scanner = scanner
 
@@ -197,7 +197,7 @@ class SharedScanner:
         except NotImplementedError:
             return []
 
-    def _heard(self, device: BLEDevice, advertisement: AdvertisementData) -> None:
+    def _on_advertisement(self, device: BLEDevice, advertisement: AdvertisementData) -> None:
         services = {uuid.lower() for uuid in advertisement.service_uuids}
         battery = advertisement.service_data.get(BATTERY_SERVICE, b"")
         sighting = Sighting(

@@ -133,17 +133,17 @@ class ScanResult:
 
 def scan_devices(seconds: float, adapter: str = "") -> ScanResult:
     """Scan for Bluetooth LE devices; an error is returned rather than raised, as callers list other ports too."""
-    seen: dict[str, Sighting] = {}
+    sightings: dict[str, Sighting] = {}
     try:
-        radio().run(_listen(seconds, adapter, seen))
+        radio().run(_listen(seconds, adapter, sightings))
     except BLE_ERRORS as error:
         return ScanResult((), explain(error, "scan"))
-    return ScanResult(tuple(sorted(seen.values(), key=lambda sighting: -(sighting.rssi_dbm or -128))), None)
+    return ScanResult(tuple(sorted(sightings.values(), key=lambda sighting: -(sighting.rssi_dbm or -128))), None)
 
 
-async def _listen(seconds: float, adapter: str, seen: dict[str, Sighting]) -> None:
-    def hear(sighting: Sighting) -> None:
-        keep(seen, sighting)
+async def _listen(seconds: float, adapter: str, sightings: dict[str, Sighting]) -> None:
+    def record(sighting: Sighting) -> None:
+        keep(sightings, sighting)
 
-    async with radio().scanner(adapter).listen(hear):
+    async with radio().scanner(adapter).listen(record):
         await asyncio.sleep(seconds)

@@ -17,7 +17,7 @@ _MPS_PER_KNOT: Final = 1852.0 / 3600.0
 _TYPE: Final = slice(3, 6)
 _RMC: Final = b"RMC"
 # NMEA 0183 allows 82 characters.
-_LONGEST: Final = 256
+_MAX_SENTENCE_BYTES: Final = 256
 # Dead reckoning (E) may rest on the wheels that it would be compared with; M is typed in, S simulated, N none.
 _NO_MODES: Final = frozenset("EMSN")
 # Status A, a latitude, eight fields more, a mode from NMEA 0183 version 2.3 on, and a checksum.
@@ -25,10 +25,10 @@ _WITH_POSITION: Final = re.compile(
     rb"\$..RMC,[^,\r\n]*,A,\d[^,*\r\n]*(?:,[^,*\r\n]*){8}(?:,(?![EMSN])[^*\r\n]*)?\*[0-9A-Fa-f]{2}"
 )
 # Sentences whose arrival is compared with their time, and the fewest that say something.
-_COMPARED: Final = 15
-_FEWEST_COMPARED: Final = 3
+_COMPARED_SENTENCES: Final = 15
+_MIN_COMPARED: Final = 3
 # A receiver on a slow serial port, or behind gpsd, sends up to a second after its time.
-_AHEAD_S: Final = 2.0
+_MIN_AHEAD_S: Final = 2.0
 
 
 class Fix(NamedTuple):
@@ -72,7 +72,7 @@ class ReceiverClock:
 
     def __init__(self) -> None:
         """Start without a sentence."""
-        self._ahead_s: deque[float] = deque(maxlen=_COMPARED)
+        self._ahead_s: deque[float] = deque(maxlen=_COMPARED_SENTENCES)
 
     def take(self, fix: Fix, host_ns: int) -> None:
         """Take a fix and its arrival."""
@@ -82,13 +82,13 @@ class ReceiverClock:
     @property
     def has_time(self) -> bool:
         """Whether enough is known to compare."""
-        return len(self._ahead_s) >= _FEWEST_COMPARED
+        return len(self._ahead_s) >= _MIN_COMPARED
 
     @property
     def ahead_s(self) -> float | None:
         """Time to add to that of the arrivals; None where they agree, or before enough is known."""
         ahead_s = median(self._ahead_s) if self.has_time else 0.0
-        return ahead_s if abs(ahead_s) >= _AHEAD_S else None
+        return ahead_s if abs(ahead_s) >= _MIN_AHEAD_S else None
 
 
 class SentenceReader:
@@ -128,7 +128,7 @@ def _fix(line: bytes) -> Fix | None:
 
     try:
         # Without a checksum a digit that is wrong is a position that is wrong.
-        if len(line) > _LONGEST or line[-3:-2] != b"*":
+        if len(line) > _MAX_SENTENCE_BYTES or line[-3:-2] != b"*":
             return None
         message = NMEAReader.parse(line + b"\r\n")
         utc_ns = _utc_ns(message.date, message.time)
@@ -146,7 +146,7 @@ def _fix(line: bytes) -> Fix | None:
     return Fix(latitude_deg, longitude_deg, speed_mps, course_rad, utc_ns)
 
 
-def _utc_ns(day: object, at: object) -> int | None:
-    if not isinstance(day, date) or not isinstance(at, time):
+def _utc_ns(day: object, time_of_day: object) -> int | None:
+    if not isinstance(day, date) or not isinstance(time_of_day, time):
         return None
-    return round(datetime.combine(day, at, UTC).timestamp() * 1e6) * 1000
+    return round(datetime.combine(day, time_of_day, UTC).timestamp() * 1e6) * 1000

@@ -16,7 +16,7 @@ from gateway.core.reasons import Reason
 
 READ_TIMEOUT_S: Final = 0.05
 _LONGEST_SILENCE_S: Final = 60.0
-_MOST_MUTE: Final = 2
+_MAX_MUTE_OPENINGS: Final = 2
 # Less than a terminal holds: a read that brings more is followed by the next at once.
 _TERMINAL_BYTES: Final = 4095
 
@@ -140,9 +140,9 @@ class ReconnectingSource:
         self._make_link = make_link
         self._clock = clock
         self._backoff = Backoff()
-        self._brief = BriefConnections(self._backoff)
+        self._brief_connections = BriefConnections(self._backoff)
         self._closed = threading.Event()
-        self._using = threading.Lock()
+        self._link_lock = threading.Lock()
         self._current: Link | None = None
         self.state = LinkState.IDLE
 
@@ -191,9 +191,9 @@ class ReconnectingSource:
         A peer that twice accepted and then closed, or said nothing, is not back before it brings data, which goes to
         `first`.
         """
-        has_to_speak = self._mute_openings >= _MOST_MUTE
-        reported: int | str | None = lost.cause if has_to_speak else None
-        failures = max(self._mute_openings, self._brief.lost(self._clock.now_ns()))
+        needs_data = self._mute_openings >= _MAX_MUTE_OPENINGS
+        reported_cause: int | str | None = lost.cause if needs_data else None
+        failures = max(self._mute_openings, self._brief_connections.lost(self._clock.now_ns()))
         while True:
             failures += 1
             self.state = LinkState.WAITING
@@ -201,13 +201,13 @@ class ReconnectingSource:
             if not wait_until(self._clock, due_ns, stop, self._closed):
                 return
             try:
-                if self._open(stop) and has_to_speak:
+                if self._open(stop) and needs_data:
                     first += self._first_items(stop, failures)
                 return
             except (SourceError, LinkLostError) as refused:
                 self._drop()
-                if refused.cause != reported:
-                    reported = refused.cause
+                if refused.cause != reported_cause:
+                    reported_cause = refused.cause
                     interval = Reason(LinkCode.RETRY_INTERVAL, interval_s=self._backoff.cap_ns * 1e-9)
                     yield self._event(LinkEventKind.RETRYING, _message(refused), (interval,))
                 _logger.debug("%s: attempt %d failed: %s", self._name, failures, refused)
@@ -236,12 +236,12 @@ class ReconnectingSource:
     def close(self) -> None:
         """Release the port. A read or an opening in progress in another thread ends and releases it there."""
         self._closed.set()
-        if self._using.acquire(timeout=2 * READ_TIMEOUT_S):
+        if self._link_lock.acquire(timeout=2 * READ_TIMEOUT_S):
             try:
                 self._drop()
                 self.state = LinkState.CLOSED
             finally:
-                self._using.release()
+                self._link_lock.release()
 
     def _chunks(self, stop: threading.Event) -> Iterator[LinkItem]:
         for items in self._arrivals(stop, self._silence_s):
@@ -254,7 +254,7 @@ class ReconnectingSource:
             LinkLostError: the connection broke, or brought nothing for `silence_s`.
         """
         while not stop.is_set():
-            with self._using:
+            with self._link_lock:
                 if self._closed.is_set() or self._current is None:
                     return
                 data = self._current.read(READ_TIMEOUT_S)
@@ -286,10 +286,10 @@ class ReconnectingSource:
         link = attempt.take()
         if link is None:
             return False
-        with self._using:
+        with self._link_lock:
             self._current = link
         self._heard_ns = self._clock.now_ns()
-        self._brief.opened(self._heard_ns)
+        self._brief_connections.opened(self._heard_ns)
         self._mute_openings += 1
         self.state = LinkState.CONNECTED
         return True

@@ -63,13 +63,13 @@ def _holders(device: int) -> Iterator[str]:
         if process.name == str(os.getpid()):
             continue
         try:
-            if any(_is_of(path, device) for path in (process / "fd").iterdir()):
+            if any(_refers_to(path, device) for path in (process / "fd").iterdir()):
                 yield f"{(process / 'comm').read_text(errors='replace').strip()} (process {process.name})"
         except OSError:  # it has ended, or belongs to another user
             continue
 
 
-def _is_of(path: Path, device: int) -> bool:
+def _refers_to(path: Path, device: int) -> bool:
     try:
         return path.stat().st_rdev == device
     except OSError:

@@ -42,7 +42,7 @@ class _GuardedStream:
 
     def __init__(self, path: Path, part: Path | None) -> None:
         self._path = path
-        self._stays = part is None
+        self._is_kept = part is None
         try:
             self._file = _open_new(path) if part is None else _open_part(path, part)
         except OSError as error:
@@ -71,7 +71,7 @@ class _GuardedStream:
                 raise FileNotFoundError(errno.ENOENT, "the file was deleted while it was written")
         except OSError as error:
             self._cut_back()
-            raise _write_error(self._path, error, stays=self._stays) from error
+            raise _write_error(self._path, error, is_kept=self._is_kept) from error
         self._written += len(self._pending)
         self._pending = bytearray()
 
@@ -87,13 +87,13 @@ class _GuardedStream:
         try:
             os.fsync(self._file.fileno())
         except OSError as error:
-            raise _write_error(self._path, error, stays=self._stays) from error
+            raise _write_error(self._path, error, is_kept=self._is_kept) from error
 
     def close(self) -> None:
         try:
             self._file.close()
         except OSError as error:  # a network folder may refuse only now what it took before
-            raise _write_error(self._path, error, stays=self._stays) from error
+            raise _write_error(self._path, error, is_kept=self._is_kept) from error
 
 
 class PackedIndexes:
@@ -139,19 +139,19 @@ class PackedIndexes:
     def _entries(self, pack: bytes) -> Iterator[ChunkIndex]:
         position = 0
         while position < len(pack):
-            start, end, begin, length, index_length, compressed, uncompressed, count = _NUMBERS.unpack_from(
+            start, end, chunk_start, length, index_length, compressed, uncompressed, count = _NUMBERS.unpack_from(
                 pack, position
             )
             position += _NUMBERS.size
             offsets = {}
             for _ in range(count):
                 channel, offset = _OFFSET.unpack_from(pack, position)
-                offsets[channel] = begin + offset
+                offsets[channel] = chunk_start + offset
                 position += _OFFSET.size
             yield ChunkIndex(
                 message_start_time=start,
                 message_end_time=end,
-                chunk_start_offset=begin,
+                chunk_start_offset=chunk_start,
                 chunk_length=length,
                 message_index_offsets=offsets,
                 message_index_length=index_length,
@@ -388,9 +388,9 @@ def _open_error(path: Path, error: OSError) -> RecordingError:
     return RecordingError(f"cannot create '{path}': {error.strerror}", "Choose another folder or disk.")
 
 
-def _write_error(path: Path, error: OSError, *, stays: bool) -> RecordingError:
-    """Return what has gone wrong; `stays` is whether the file is kept, as that of a session is."""
-    consequence = "the part written before stays readable" if stays else "nothing is left of it"
+def _write_error(path: Path, error: OSError, *, is_kept: bool) -> RecordingError:
+    """Return what has gone wrong; `is_kept` is whether the file is kept, as that of a session is."""
+    consequence = "the part written before stays readable" if is_kept else "nothing is left of it"
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         return RecordingError(
             f"disk full while writing '{path}'; {consequence}", "Free some space, or choose another disk."

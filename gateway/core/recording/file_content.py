@@ -75,19 +75,19 @@ def check_distinct(paths: Iterable[Path]) -> None:
     Raises:
         RecordingError: one is; or a file whose size is that of another cannot be read.
     """
-    seen: set[str] = set()
-    of_size: dict[int, list[Path]] = defaultdict(list)
+    known_paths: set[str] = set()
+    paths_by_size: dict[int, list[Path]] = defaultdict(list)
     for path in paths:
         # Unlike Path.resolve, it leaves a loop of symbolic links to those who open the file.
         real = os.path.realpath(path)
-        if real in seen:
+        if real in known_paths:
             raise RecordingError(f"'{path}' is given twice", "Give each recording once.")
-        seen.add(real)
+        known_paths.add(real)
         if path.is_file():
-            of_size[path.stat().st_size].append(path)
-    for alike in of_size.values():
+            paths_by_size[path.stat().st_size].append(path)
+    for candidates in paths_by_size.values():
         contents: dict[str, Path] = {}
-        for path in alike if len(alike) > 1 else ():
+        for path in candidates if len(candidates) > 1 else ():
             content = read_content(path)
             # Nothing stops the reading.
             assert content is not None

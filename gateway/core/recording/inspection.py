@@ -69,8 +69,8 @@ class WheelInspection:
         """Return whether sample numbers and the hub's clock advance apart, so that no samples are missing."""
         if self._next is None or self._tick is None or self.hello is None:
             return False
-        us = unwrap(self._tick, tick_us) - self._tick
-        return bool(is_jump(unwrap(self._next, number) - self._next, us, self.hello.rate_hz))
+        elapsed_us = unwrap(self._tick, tick_us) - self._tick
+        return bool(is_jump(unwrap(self._next, number) - self._next, elapsed_us, self.hello.rate_hz))
 
     def add(self, number: int, n: int, tick_us: int, host_s: int) -> None:
         """Count a block of n samples, by the number and the hub time of its first one."""
@@ -192,8 +192,8 @@ class LinkInspection:
     def take(self, hub: int, wheel: int, message: Message, host_ns: int) -> None:
         """Take a hello or a line of a hub's log."""
         if isinstance(message, Hello):
-            for (of_hub, _), source in self.wheels.items():
-                if of_hub == hub:
+            for (source_hub, _), source in self.wheels.items():
+                if source_hub == hub:
                     source.restart(message.boot_count)
             self.wheel(hub, wheel).hello = message
         elif isinstance(message, LogText):
@@ -227,10 +227,10 @@ class Inspection:
     @property
     def span_ns(self) -> tuple[int, int]:
         """Arrival of the first and the last chunk of all links; (0, 0) without any."""
-        heard = [link for link in self.links.values() if link.chunks]
-        if not heard:
+        active = [link for link in self.links.values() if link.chunks]
+        if not active:
             return 0, 0
-        return min(link.first_ns for link in heard), max(link.last_ns for link in heard)
+        return min(link.first_ns for link in active), max(link.last_ns for link in active)
 
 
 def inspect_recording(
@@ -354,5 +354,5 @@ def _count(link: LinkInspection, batch: FrameBatch, arrivals_ns: NDArray[np.int6
                 wheel.add(number & COUNTER_MASK, run.block, tick_us, second)
                 number += run.block
         if stretch.last is not None:
-            place, frame = stretch.last
-            link.take(frame.hub, frame.wheel, frame.message, int(arrivals_ns[place]))
+            index, frame = stretch.last
+            link.take(frame.hub, frame.wheel, frame.message, int(arrivals_ns[index]))

@@ -231,21 +231,21 @@ def encode_json(payload: Mapping[str, Any]) -> bytes:
 
     JSON has no NaN, and plotting programs treat a missing field as a gap.
     """
-    tidy = {key: value for key, raw in payload.items() if (value := _tidy(raw)) is not None}
-    return json.dumps(tidy, separators=(",", ":"), allow_nan=False, ensure_ascii=False).encode()
+    fields = {key: value for key, raw in payload.items() if (value := _json_value(raw)) is not None}
+    return json.dumps(fields, separators=(",", ":"), allow_nan=False, ensure_ascii=False).encode()
 
 
-def _tidy(value: Any) -> Any:
+def _json_value(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         if value.dtype.kind == "f" and not np.isfinite(value).all():
-            return [_tidy(entry) for entry in value.tolist()]
+            return [_json_value(entry) for entry in value.tolist()]
         return value.tolist()
     if isinstance(value, np.generic):
         value = value.item()
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, Mapping):
-        return {key: tidy for key, raw in value.items() if (tidy := _tidy(raw)) is not None}
+        return {key: cleaned for key, raw in value.items() if (cleaned := _json_value(raw)) is not None}
     if isinstance(value, list | tuple):
-        return [_tidy(entry) for entry in value]
+        return [_json_value(entry) for entry in value]
     return value

@@ -107,7 +107,7 @@ def parse_chunk(body: memoryview, *, length: int | None = None) -> ChunkParts:
     Raises:
         ValueError: the fields contradict each other.
     """
-    stated = len(body) if length is None else length
+    body_length = len(body) if length is None else length
     if len(body) < CHUNK_HEAD.size:
         raise ValueError("chunk too short")
     start_ns, end_ns, size, crc, name_length = CHUNK_HEAD.unpack_from(body)
@@ -116,7 +116,7 @@ def parse_chunk(body: memoryview, *, length: int | None = None) -> ChunkParts:
         raise ValueError("chunk header is damaged")
     compression = bytes(body[CHUNK_HEAD.size : CHUNK_HEAD.size + name_length])
     (data_length,) = CHUNK_DATA_LENGTH.unpack_from(body, CHUNK_HEAD.size + name_length)
-    if compression not in (b"", b"zstd", b"lz4") or data_offset + data_length > stated:
+    if compression not in (b"", b"zstd", b"lz4") or data_offset + data_length > body_length:
         raise ValueError("chunk header is damaged")
     if not compression and size != data_length:
         raise ValueError("chunk sizes contradict each other")
@@ -149,8 +149,8 @@ def _unzstd(data: memoryview, size: int) -> memoryview:
 
     try:
         # The size stated in the compressed data would be allocated regardless of the limit.
-        stated = zstandard.get_frame_parameters(data).content_size
-        if stated not in (size, zstandard.CONTENTSIZE_UNKNOWN):
+        content_size = zstandard.get_frame_parameters(data).content_size
+        if content_size not in (size, zstandard.CONTENTSIZE_UNKNOWN):
             raise ValueError("a compressed chunk states two sizes")
         return memoryview(zstandard.decompress(data, max(size, 1)))
     except zstandard.ZstdError as error:
@@ -172,13 +172,13 @@ def walk(data: memoryview) -> Iterator[tuple[int, memoryview]]:
     end = len(data)
     empty = 0
     while position < end:
-        begin, opcode = position, NO_RECORD
+        record_start, opcode = position, NO_RECORD
         if position + RECORD_HEAD.size <= end:
             opcode, length = RECORD_HEAD.unpack_from(data, position)
             position += RECORD_HEAD.size
             empty += not length
         if opcode == NO_RECORD or length > end - position or empty > _MAX_EMPTY_RECORDS:
-            yield NO_RECORD, data[begin:]
+            yield NO_RECORD, data[record_start:]
             return
         yield opcode, data[position : position + length]
         position += length

@@ -80,7 +80,7 @@ MEASUREMENT_SUFFIXES: Final = frozenset(
 _MEASUREMENT_MAGICS: Final = (b"\x89HDF\r\n", b"MATLAB ", b"MDF     ", b"UnFinMF ", b"PAR1")
 REPAIR_REMEDY: Final = "`treadlink repair` recovers what is left of it."
 # Begin of a file that is no recording, looked at for frames of a link.
-_LOOKED_AT_BYTES: Final = 1 << 14
+_PROBE_BYTES: Final = 1 << 14
 _MAX_TIME_DIGITS: Final = 19
 _FOOTER_BYTES: Final = RECORD_HEAD.size + 20
 _LARGEST_TAIL_BYTES: Final = 4096
@@ -216,21 +216,21 @@ class RecordingReader:
         with open_recording_file(self._path) as file:
             size = os.fstat(file.fileno()).st_size
             self.position = file.seek(len(MAGIC))
-            for opcode, stated, body in self._records(file, size):
+            for opcode, length, body in self._records(file, size):
                 if opcode == Opcode.DATA_END:
                     break
-                yield from self._record_messages(opcode, stated, memoryview(body))
+                yield from self._record_messages(opcode, length, memoryview(body))
             self.position = size
 
-    def _record_messages(self, opcode: int, stated: int, body: memoryview) -> Iterator[RecordedMessage]:
+    def _record_messages(self, opcode: int, length: int, body: memoryview) -> Iterator[RecordedMessage]:
         if opcode != Opcode.CHUNK:
-            yield from self._inner(opcode, body)
+            yield from self._parse_record(opcode, body)
             return
-        cut = len(body) < stated
+        is_cut_off = len(body) < length
         try:
-            chunk = parse_chunk(body, length=stated)
+            chunk = parse_chunk(body, length=length)
             # The present part of a plain chunk is usable when the rest is cut off, as its frames have checksums.
-            records = chunk_records(chunk) if not cut else memoryview(b"") if chunk.compression else chunk.data
+            records = chunk_records(chunk) if not is_cut_off else memoryview(b"") if chunk.compression else chunk.data
         except ChunkTooLargeError as error:
             at_byte = self.position - len(body)
             self._note(
@@ -247,14 +247,14 @@ class RecordingReader:
             self._note(LinkCode.RECORDING_CHUNK_DAMAGED, at_byte=at_byte, skipped_bytes=len(body))
             self._unread_bytes += len(body)
             return
-        if cut and chunk.compression:
+        if is_cut_off and chunk.compression:
             self._unread_bytes += len(body)
         self._stored_share = len(chunk.data) / max(len(records), 1)
-        for inner, inner_body in walk(records):
-            if inner != NO_RECORD or not cut:
-                yield from self._inner(inner, inner_body)
+        for inner_opcode, inner_body in walk(records):
+            if inner_opcode != NO_RECORD or not is_cut_off:
+                yield from self._parse_record(inner_opcode, inner_body)
 
-    def _inner(self, opcode: int, body: memoryview) -> Iterator[RecordedMessage]:
+    def _parse_record(self, opcode: int, body: memoryview) -> Iterator[RecordedMessage]:
         try:
             if opcode == Opcode.MESSAGE:
                 message = parse_message(body)
@@ -268,7 +268,7 @@ class RecordingReader:
                 record: Channel = parse_small(opcode, body)
                 self._declare(record.id, channel_info(record))
             elif opcode == Opcode.METADATA:
-                self._learn(parse_small(opcode, body))
+                self._take_metadata(parse_small(opcode, body))
             elif opcode == NO_RECORD:
                 raise ValueError("what follows is no record")
         except ValueError as error:
@@ -276,7 +276,7 @@ class RecordingReader:
             self._note(LinkCode.RECORDING_RECORD_DAMAGED, at_byte=self.position)
             self._unread_bytes += len(body) * self._stored_share
 
-    def _learn(self, metadata: Metadata) -> None:
+    def _take_metadata(self, metadata: Metadata) -> None:
         if metadata.name == CHANNEL_METADATA:
             declared = declared_channel(metadata.metadata)
             if declared is not None and declared[0] not in self._channels:
@@ -323,8 +323,8 @@ class RecordingReader:
                 return
             if length > remaining:
                 self._note(LinkCode.RECORDING_CUT_OFF, at_byte=size)
-            wanted = opcode in _READ_RECORDS
-            if wanted and length > MAX_RECORD_BYTES:
+            is_needed = opcode in _READ_RECORDS
+            if is_needed and length > MAX_RECORD_BYTES:
                 self._note(
                     RecordingCode.RECORDING_RECORD_TOO_LARGE,
                     at_byte=self.position,
@@ -332,8 +332,8 @@ class RecordingReader:
                     largest_bytes=MAX_RECORD_BYTES,
                 )
                 self._unread_bytes += length
-                wanted = False
-            if wanted:
+                is_needed = False
+            if is_needed:
                 body = file.read(length)
                 self.position += len(head) + len(body)
                 yield opcode, length, body
@@ -347,7 +347,7 @@ class RecordingReader:
         file.seek(0)
         magic = file.read(len(MAGIC))
         if magic != MAGIC:
-            if FrameDecoder().feed(magic + file.read(_LOOKED_AT_BYTES)):
+            if FrameDecoder().feed(magic + file.read(_PROBE_BYTES)):
                 remedy = f"It is the raw dump of a link: `treadlink record 'replay:{self._path}?speed=max'` records it."
             elif self._path.suffix.lower() in MEASUREMENT_SUFFIXES or magic.startswith(_MEASUREMENT_MAGICS):
                 remedy = (
@@ -360,8 +360,8 @@ class RecordingReader:
             raise RecordingError(f"'{self._path}' is not a recording: it does not start like an MCAP file", remedy)
         self.position = len(MAGIC)
         entries: dict[str, str] = {}
-        for opcode, stated, body in self._records(file, size):
-            if opcode in (Opcode.CHUNK, Opcode.MESSAGE, Opcode.DATA_END) or len(body) < stated:
+        for opcode, length, body in self._records(file, size):
+            if opcode in (Opcode.CHUNK, Opcode.MESSAGE, Opcode.DATA_END) or len(body) < length:
                 break
             if opcode == Opcode.METADATA:
                 try:

@@ -7,7 +7,7 @@ from gateway.core.links.reasons import LinkCode
 from gateway.core.links.source import LinkEvent, Sentences, VehicleData
 from gateway.core.reasons import Reason
 
-_SET: Final = frozenset({LinkCode.SYSTEM_TIME_SET, LinkCode.SYSTEM_TIME_SLEWED})
+_CLOCK_CHANGES: Final = frozenset({LinkCode.SYSTEM_TIME_SET, LinkCode.SYSTEM_TIME_SLEWED})
 
 
 class RecordedClock:
@@ -40,5 +40,5 @@ class RecordedClock:
 
 def ahead_of_step_s(detail: Reason) -> float | None:
     """Return what a change of the system time adds to the times of the recording, None of other details."""
-    value = detail["ahead_s"] if detail.code in _SET else None
+    value = detail["ahead_s"] if detail.code in _CLOCK_CHANGES else None
     return value if isinstance(value, float) else None

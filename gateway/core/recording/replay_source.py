@@ -63,8 +63,8 @@ class ReplaySource:
             yield item
             last = item
         damage = self._recording.damage
-        ended_already = isinstance(last, LinkEvent) and last.kind is LinkEventKind.ENDED
-        if not stop.is_set() and not self._closed.is_set() and (damage or not ended_already):
+        has_ended = isinstance(last, LinkEvent) and last.kind is LinkEventKind.ENDED
+        if not stop.is_set() and not self._closed.is_set() and (damage or not has_ended):
             details = (damage,) if damage else ()
             host_ns = last.host_ns if last is not None else 0
             yield LinkEvent(self._link, host_ns, LinkEventKind.ENDED, details=details)

@@ -68,14 +68,14 @@ class RunDescription:
 
     def overridden_by(self, other: RunDescription) -> RunDescription:
         """Return this description with what `other` states instead; tags and tires are those of both."""
-        nothing = TireIdentity()
+        no_identity = TireIdentity()
         return RunDescription(
             other.test or self.test,
             other.driver or self.driver,
             other.comment or self.comment,
             tuple(dict.fromkeys((*self.tags, *other.tags))),
             {
-                position: _stated_over(self.tires.get(position, nothing), other.tires.get(position, nothing))
+                position: _merged(self.tires.get(position, no_identity), other.tires.get(position, no_identity))
                 for position in dict.fromkeys((*self.tires, *other.tires))
             },
         )
@@ -96,7 +96,7 @@ class RunDescription:
             parts.append("" if tire.wear_m is None else f"worn {tire.wear_m * 1e3:g} mm")
             parts.append("" if tire.run_in_m is None else f"run in {tire.run_in_m * 1e-3:g} km")
             tires.append(f"tire {position}: {', '.join(filter(None, parts))}")
-        return [*(f"{what}: {value}" for what, value in plain if value), *tires, *comments]
+        return [*(f"{label}: {value}" for label, value in plain if value), *tires, *comments]
 
     def to_json(self) -> str:
         """Return the description as JSON, without what is not stated."""
@@ -292,12 +292,12 @@ def filled_in(run: RunDescription, fields: Mapping[str, str]) -> RunDescription:
     Raises:
         RecordingError: a tire is wrong.
     """
-    stated: dict[str, Any] = {
+    values: dict[str, Any] = {
         name: fields[name].strip()[:MAX_TEXT_CHARS] for name in ("test", "driver", "comment") if name in fields
     }
     if "tags" in fields:
-        stated["tags"] = tuple(dict.fromkeys(tag for part in fields["tags"].split(",") if (tag := _text(part.strip()))))
-    run = replace(run, **stated)
+        values["tags"] = tuple(dict.fromkeys(tag for part in fields["tags"].split(",") if (tag := _text(part.strip()))))
+    run = replace(run, **values)
     for text in filter(None, (part.strip() for part in fields.get("tire", "").split(";"))):
         try:
             position, tire = parse_tire(text)
@@ -343,8 +343,8 @@ KEYS: Final[Mapping[str, Callable[[RunDescription, list[TireIdentity]], tuple[st
 EVERY_RUN: Final = RunFilter()
 
 
-def _stated_over(tire: TireIdentity, other: TireIdentity) -> TireIdentity:
-    return replace(tire, **{name: value for name, value in _items(other) if value not in ("", None)})
+def _merged(tire: TireIdentity, override: TireIdentity) -> TireIdentity:
+    return replace(tire, **{name: value for name, value in _items(override) if value not in ("", None)})
 
 
 def _items(tire: TireIdentity) -> list[tuple[str, Any]]:

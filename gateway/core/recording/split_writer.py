@@ -70,12 +70,12 @@ class SplitWriter:
         self._begin_ns = start_ns
         self._current = open_part(path, start_ns)
         self._previous: RecordingWriter | None = None
-        self._waiting: set[str] = set()
+        self._waiting_links: set[str] = set()
         self._links: set[str] = set()
         self._finished: deque[tuple[Path, int]] = deque()
         self._finished_bytes = self._largest_bytes = 0  # read by other threads
         # Begin of a possible HELLO at the end of a chunk, by link.
-        self._held: dict[str, bytes] = {}
+        self._pending: dict[str, bytes] = {}
         # Last HELLO that was not the first of several, by link.
         self._hello_ns: dict[str, int] = {}
         self.items = 0
@@ -115,27 +115,27 @@ class SplitWriter:
         if self._is_due(item.host_ns):
             self._begin_part(item.host_ns)
         previous = self._previous
-        if previous is not None and item.link in self._waiting and isinstance(item, Chunk):
-            self._hand_over(item, previous)
+        if previous is not None and item.link in self._waiting_links and isinstance(item, Chunk):
+            self._write_divided(item, previous)
         else:
-            self._waiting.discard(item.link)
+            self._waiting_links.discard(item.link)
             self._current.write(item)
-        if not self._waiting or item.host_ns - self._begin_ns >= _HANDOVER_NS:
+        if not self._waiting_links or item.host_ns - self._begin_ns >= _HANDOVER_NS:
             self._end_previous()
 
-    def _hand_over(self, chunk: Chunk, previous: RecordingWriter) -> None:
+    def _write_divided(self, chunk: Chunk, previous: RecordingWriter) -> None:
         """Write what comes before a HELLO to the previous file, and the rest to the new one."""
-        data = self._held.pop(chunk.link, b"") + chunk.data
+        data = self._pending.pop(chunk.link, b"") + chunk.data
         start = data.find(_HELLO_START)
         if start >= 0 and chunk.host_ns - self._hello_ns.get(chunk.link, self._begin_ns) < _SAME_HELLOS_NS:
             self._hello_ns[chunk.link] = chunk.host_ns
             start = -1
         if start < 0 and chunk.host_ns - self._begin_ns < _HANDOVER_NS:
             start = next(n for n in range(len(_HELLO_START) - 1, -1, -1) if data.endswith(_HELLO_START[:n]))
-            self._held[chunk.link] = data[len(data) - start :]
+            self._pending[chunk.link] = data[len(data) - start :]
             before, after = data[: len(data) - start], b""
         else:
-            self._waiting.discard(chunk.link)
+            self._waiting_links.discard(chunk.link)
             before, after = data[: max(start, 0)], data[max(start, 0) :]
         for writer, part in ((previous, before), (self._current, after)):
             if part:
@@ -216,15 +216,15 @@ class SplitWriter:
         self.refusal = ""
         self._previous, self._current = self._current, writer
         self._begin_ns = now_ns
-        self._waiting = set(self._links)
+        self._waiting_links = set(self._links)
         self.parts += 1
 
     def _end_previous(self) -> None:
         previous, self._previous = self._previous, None
         if previous is not None:
-            for link, data in self._held.items():
+            for link, data in self._pending.items():
                 previous.write(Chunk(link, self._begin_ns, data))
-            self._held.clear()
+            self._pending.clear()
             self._hello_ns.clear()
             previous.close()
             self._finished.append((previous.path, previous.size_bytes))

@@ -41,18 +41,18 @@ class _Pace:
     """Flush interval in one time base; items and the clock have different ones."""
 
     def __init__(self, start_ns: int) -> None:
-        self._seen_ns = start_ns
+        self._latest_ns = start_ns
         self._flushed_ns = start_ns
 
     def due(self, now_ns: int) -> bool:
         """Return whether the flush interval has passed since the last flush."""
-        self._seen_ns = now_ns
+        self._latest_ns = now_ns
         # The clocks of links never differ by a second; a larger step back is a new time base.
         return not -1_000_000_000 < now_ns - self._flushed_ns < FLUSH_INTERVAL_NS
 
     def flushed(self) -> None:
         """Note a flush after the latest time seen."""
-        self._flushed_ns = self._seen_ns
+        self._flushed_ns = self._latest_ns
 
 
 class RecordingWriter:

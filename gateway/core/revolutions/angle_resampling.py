@@ -34,7 +34,7 @@ _CUBIC_FROM_SAMPLES: Final = 640.0
 MARGIN_SAMPLES: Final = 16
 
 # Samples on either side of a gap that the interpolation draws towards it: an error decays by 0.43 a sample.
-_BESIDE_SAMPLES: Final = 3
+_GAP_MARGIN_SAMPLES: Final = 3
 
 # Neighbouring periods with a larger ratio indicate a stop, a missed contact or a gap, not an acceleration.
 _MAX_PERIOD_RATIO: Final = 3.0
@@ -52,7 +52,7 @@ _RIGHT_PAD: Final = {3: 28, 5: 44}
 _LENGTH_STEP: Final = 32
 
 # Revolutions interpolated at once; more no longer fit into the processor's cache.
-_TOGETHER: Final = 8
+_BATCH_SIZE: Final = 8
 
 
 class Phase(NamedTuple):
@@ -155,7 +155,7 @@ def beside_gap(positions: FloatArray, first: float, end: float) -> BoolArray:
         end: the last (exclusive).
     """
     # Between the last sample before the gap and the first behind it.
-    inside: BoolArray = (positions > first - 1.0 - _BESIDE_SAMPLES) & (positions < end + _BESIDE_SAMPLES)
+    inside: BoolArray = (positions > first - 1.0 - _GAP_MARGIN_SAMPLES) & (positions < end + _GAP_MARGIN_SAMPLES)
     return inside
 
 
@@ -186,30 +186,30 @@ def resample_revolutions(
         raise ValueError(f"the angle grid needs an even size of at least 8, not {n}")
     result = np.empty((len(phases), samples_mps2[0].shape[1], n)) if out is None else out
     # Revolutions of one spline order and one fineness of the grid are interpolated together.
-    alike: dict[tuple[Literal[3, 5], int], list[int]] = {}
+    groups: dict[tuple[Literal[3, 5], int], list[int]] = {}
     for row, (samples, phase) in enumerate(zip(samples_mps2, phases, strict=True)):
         rows = samples.shape[0]
         if phase.start < 0.0 or phase.end > rows - 1 or rows < 6:
             raise ValueError(f"{rows} samples do not cover a revolution from {phase.start:.1f} to {phase.end:.1f}")
         period = phase.end - phase.start
         order: Literal[3, 5] = 3 if period >= _CUBIC_FROM_SAMPLES else 5
-        alike.setdefault((order, max(1, math.ceil(period / (_MAX_DENSITY * n)))), []).append(row)
-    for (order, density), places in alike.items():
-        together = max(1, _TOGETHER // density)
-        for begin in range(0, len(places), together):
-            part = places[begin : begin + together]
+        groups.setdefault((order, max(1, math.ceil(period / (_MAX_DENSITY * n)))), []).append(row)
+    for (order, density), members in groups.items():
+        batch_size = max(1, _BATCH_SIZE // density)
+        for begin in range(0, len(members), batch_size):
+            part = members[begin : begin + batch_size]
             # A slice is written to without a copy.
-            in_a_row = part[-1] - part[0] == len(part) - 1
-            rows = result[part[0] : part[-1] + 1] if in_a_row else np.empty((len(part), *result.shape[1:]))
-            _resample_alike(
+            is_contiguous = part[-1] - part[0] == len(part) - 1
+            rows = result[part[0] : part[-1] + 1] if is_contiguous else np.empty((len(part), *result.shape[1:]))
+            _resample_group(
                 [samples_mps2[row] for row in part], [phases[row] for row in part], order, density, scale, rows
             )
-            if not in_a_row:
+            if not is_contiguous:
                 result[part] = rows
     return result
 
 
-def _resample_alike(
+def _resample_group(
     samples_mps2: Sequence[NDArray[Any]],
     phases: Sequence[Phase],
     order: Literal[3, 5],
@@ -344,9 +344,9 @@ def spline_coefficients(parts: Sequence[NDArray[Any]], order: Literal[3, 5], sca
         line[:, LEFT_PAD:end] = part.T
         line[:, :LEFT_PAD] = line[:, 2 * LEFT_PAD : LEFT_PAD : -1]
         while end < length:
-            more = min(length - end, len(part) - 1)
-            line[:, end : end + more] = line[:, end - 2 : end - 2 - more : -1]
-            end += more
+            added = min(length - end, len(part) - 1)
+            line[:, end : end + added] = line[:, end - 2 : end - 2 - added : -1]
+            end += added
     gain = _gain(order)
     if scale is None:
         lines *= gain
@@ -355,10 +355,10 @@ def spline_coefficients(parts: Sequence[NDArray[Any]], order: Literal[3, 5], sca
         lines *= gain * scale.mps2[:, np.newaxis]
     # The filter's equations have one unknown per sample and couple neighbours only; one after the other for each pole.
     right = lines.reshape(-1, length).T
-    for diagonal, beside in _filter_factors(order, length):
+    for diagonal, subdiagonal in _filter_factors(order, length):
         right[0] *= 0.5
         right[-1] *= 0.5
-        right, _ = dpttrs(diagonal, beside, right, overwrite_b=True)
+        right, _ = dpttrs(diagonal, subdiagonal, right, overwrite_b=True)
     coefficients: FloatArray = right.T.reshape(lines.shape)
     return coefficients
 
@@ -400,23 +400,23 @@ def _filter_factors(order: Literal[3, 5], length: int) -> list[tuple[FloatArray,
     """
     factors = []
     for pole in _POLES[order]:
-        ends, within = 0.5 * (1.0 + pole * pole), 1.0 + pole * pole
+        boundary, interior = 0.5 * (1.0 + pole * pole), 1.0 + pole * pole
         # The recursion settles on one number within some twenty rows.
-        settled = [ends, within + pole * (-pole / ends)]
+        settled = [boundary, interior + pole * (-pole / boundary)]
         while settled[-1] != settled[-2] and len(settled) < length:
-            settled.append(within + pole * (-pole / settled[-1]))
+            settled.append(interior + pole * (-pole / settled[-1]))
         diagonal = np.full(length, settled[-1])
         diagonal[: len(settled)] = settled[:length]
-        beside = -pole / diagonal[:-1]
-        diagonal[-1] = ends + pole * beside[-1]
-        factors.append((diagonal, beside))
+        subdiagonal = -pole / diagonal[:-1]
+        diagonal[-1] = boundary + pole * subdiagonal[-1]
+        factors.append((diagonal, subdiagonal))
     return factors
 
 
 @lru_cache(maxsize=128)
 def core_filter(order: Literal[3, 5], length: int) -> FloatArray:
     """Return for each pole the inverse of the diagonal and what stands beside it, (poles, 2, length)."""
-    return np.array([(1.0 / diagonal, [*beside, 0.0]) for diagonal, beside in _filter_factors(order, length)])
+    return np.array([(1.0 / diagonal, [*subdiagonal, 0.0]) for diagonal, subdiagonal in _filter_factors(order, length)])
 
 
 def read_spline(coefficients: FloatArray, positions: FloatArray, order: Literal[3, 5]) -> FloatArray:
@@ -429,7 +429,7 @@ def read_spline(coefficients: FloatArray, positions: FloatArray, order: Literal[
     """
     count, axes, length = coefficients.shape
     taps = order + 1
-    before = order // 2
+    left_taps = order // 2
     flat = positions.reshape(-1)
     base = np.floor(flat)
     powers = np.empty((taps, len(flat)))
@@ -438,11 +438,11 @@ def read_spline(coefficients: FloatArray, positions: FloatArray, order: Literal[
     for power in range(2, taps):
         np.multiply(powers[power - 1], powers[1], out=powers[power])
     knots = base.astype(np.int32).reshape(count, -1)
-    knots += (np.arange(count, dtype=np.int32) * length + (LEFT_PAD - before))[:, np.newaxis]
+    knots += (np.arange(count, dtype=np.int32) * length + (LEFT_PAD - left_taps))[:, np.newaxis]
     if axes == 1:
         # Long rows, added one after the other: the sum does not depend on the number of points.
-        places = np.arange(taps)[:, np.newaxis] + knots.reshape(-1)
-        parts = coefficients.reshape(-1).take(places)
+        tap_indices = np.arange(taps)[:, np.newaxis] + knots.reshape(-1)
+        parts = coefficients.reshape(-1).take(tap_indices)
         parts *= BASIS[order].T @ powers
         line: FloatArray = np.add.reduce(parts, axis=0)
         return line.reshape(count, 1, -1)

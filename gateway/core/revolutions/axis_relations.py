@@ -29,10 +29,10 @@ _LEAST_ORDERS: Final = 10
 _LAGS_RAD: Final[FloatArray] = np.linspace(-0.75, 0.75, 301)
 # Share of the square of an axis that its relation may leave to tell of a lag. On rings and belts of random tires the
 # circumferential relation leaves 0.002 at most, the lateral one 0.05, and 0.1 to 0.9 where there is hardly a ply steer.
-_LEFT_ALONG: Final = 0.02
-_LEFT_LATERAL: Final = 0.1
+_ALONG_LIMIT: Final = 0.02
+_LATERAL_LIMIT: Final = 0.1
 # Factor by which the lag must lower what the relation leaves: 1.0 and 1.15 where nothing is late, 3 and 2.5 at 0.3 ms.
-_LEAST_FACTOR: Final = 2.0
+_MIN_IMPROVEMENT: Final = 2.0
 # Least lag that counts, and as a share of the half contact angle: where nothing is late the circumferential axis has
 # none, the lateral one up to 0.06 of it.
 _LEAST_LAG_RAD: Final = 0.012
@@ -90,7 +90,7 @@ class _Fit(NamedTuple):
         is_late = (
             abs(self.lag_rad) > max(least_rad, _LEAST_LAG_RAD)
             and self.least < most_left * self.whole
-            and self.without > _LEAST_FACTOR * self.least
+            and self.without > _MIN_IMPROVEMENT * self.least
         )
         return self.lag_rad if is_late else 0.0
 
@@ -124,38 +124,38 @@ def axis_relations(
     if count < _LEAST_ORDERS or not np.isfinite(axes_mps2[_RADIAL]).all():
         return AxisRelations()
     spectra = np.fft.rfft(axes_mps2, axis=1)[:, : count + 1] * (2.0 / n)
-    has_along, has_lateral = np.isfinite(spectra[:2, 0].real).tolist()
+    has_circumferential, has_lateral = np.isfinite(spectra[:2, 0].real).tolist()
     half_rad = 0.5 * (edges_rad[1] - edges_rad[0])
-    late_along = late_lateral = 0.0
+    circumferential_rad = lateral_rad = 0.0
     is_swapped, roll_rad, tilt, zero_mps2, swapped_offset_m = False, math.nan, math.nan, math.nan, math.nan
-    lag_along = lag_lateral = None
+    circumferential_lag = lateral_lag = None
     omega_radps = math.sqrt(square_radps2)
-    if has_along:
+    if has_circumferential:
         orders = np.delete(np.arange(1, count + 1), HUB_ORDER - 1)
         predicted = STANDARD_GRAVITY_MPS2 * belt.known_spectra[0] + reaction_mps2 * belt.known_spectra[1]
         factors = np.array([square_radps2 * belt.along[orders], spectra[_RADIAL, orders]])
-        along = _fit(spectra[_CIRCUMFERENTIAL, orders], factors, orders, predicted[orders])
-        late_along = along.late_rad(0.0, _LEFT_ALONG)
-        lag_along = along.lag(late_along, _LEFT_ALONG, omega_radps)
-        if along.least < _LEFT_ALONG * along.whole and not late_along:
-            tilt = float(along.factors[1])
+        fit = _fit(spectra[_CIRCUMFERENTIAL, orders], factors, orders, predicted[orders])
+        circumferential_rad = fit.late_rad(0.0, _ALONG_LIMIT)
+        circumferential_lag = fit.lag(circumferential_rad, _ALONG_LIMIT, omega_radps)
+        if fit.least < _ALONG_LIMIT * fit.whole and not circumferential_rad:
+            tilt = float(fit.factors[1])
             # Order 0 of a spectrum is twice the mean; that by the depth has none.
-            twice = spectra[_CIRCUMFERENTIAL, 0] - predicted[0] - tilt * spectra[_RADIAL, 0]
-            zero_mps2 = 0.5 * float(twice.real)
+            doubled_zero = spectra[_CIRCUMFERENTIAL, 0] - predicted[0] - tilt * spectra[_RADIAL, 0]
+            zero_mps2 = 0.5 * float(doubled_zero.real)
         if has_lateral:
-            without, whole, swapped_offset_m = _remainder(spectra[_LATERAL, orders], factors, predicted[orders])
-            is_swapped = without < _LEFT_ALONG * whole and along.least * whole > _SWAPPED_FACTOR * without * along.whole
+            residual, total, swapped_offset_m = _remainder(spectra[_LATERAL, orders], factors, predicted[orders])
+            is_swapped = residual < _ALONG_LIMIT * total and fit.least * total > _SWAPPED_FACTOR * residual * fit.whole
     if has_lateral and not is_swapped:
         orders = np.arange(1, count + 1)
         lateral = _fit(spectra[_LATERAL, orders], _lateral_factors(axes_mps2[_RADIAL], belt, edges_rad, count), orders)
-        late_lateral = lateral.late_rad(_LEAST_LAG_SHARE * half_rad, _LEFT_LATERAL)
-        lag_lateral = lateral.lag(late_lateral, _LEFT_LATERAL, omega_radps)
-        if lateral.least < _LEFT_LATERAL * lateral.whole:
+        lateral_rad = lateral.late_rad(_LEAST_LAG_SHARE * half_rad, _LATERAL_LIMIT)
+        lateral_lag = lateral.lag(lateral_rad, _LATERAL_LIMIT, omega_radps)
+        if lateral.least < _LATERAL_LIMIT * lateral.whole:
             roll_rad = math.atan(float(lateral.factors[2]))
     if is_swapped:
-        return AxisRelations(0.0, late_lateral, is_swapped, roll_rad, swapped_offset_m)
-    lags = lag_along, lag_lateral
-    return AxisRelations(late_along, late_lateral, is_swapped, roll_rad, math.nan, tilt, zero_mps2, lags)
+        return AxisRelations(0.0, lateral_rad, is_swapped, roll_rad, swapped_offset_m)
+    lags = circumferential_lag, lateral_lag
+    return AxisRelations(circumferential_rad, lateral_rad, is_swapped, roll_rad, math.nan, tilt, zero_mps2, lags)
 
 
 def _lateral_factors(
@@ -167,8 +167,8 @@ def _lateral_factors(
     spectrum = np.fft.rfft(weightless)
     spectrum[count + 1 :] = 0.0
     slope = np.fft.irfft(1j * np.arange(len(spectrum)) * spectrum, n)
-    is_ahead = angle_grid(n) < 0.5 * (edges_rad[0] + edges_rad[1])
-    parts = np.stack([np.where(is_ahead, slope, 0.0), np.where(is_ahead, 0.0, slope), weightless])
+    is_leading = angle_grid(n) < 0.5 * (edges_rad[0] + edges_rad[1])
+    parts = np.stack([np.where(is_leading, slope, 0.0), np.where(is_leading, 0.0, slope), weightless])
     factors = np.zeros((5, count), dtype=np.complex128)
     factors[:3] = np.fft.rfft(parts, axis=1)[:, 1 : count + 1] * (2.0 / n)
     factors[3, 0], factors[4, 0] = 1.0, 1j
@@ -184,35 +184,35 @@ def _fit(
     columns = np.concatenate([spectrum * basis.conj().T, [spectrum * (0.0 if predicted is None else predicted.conj())]])
     # Real parts alone: half of the work of a complex product.
     products = _shifts(tuple(orders.tolist())) @ np.concatenate([columns.real, columns.imag], axis=1).T
-    whole = float(np.vdot(spectrum, spectrum).real)
-    explained, square = products[:, :-1], whole
+    total = float(np.vdot(spectrum, spectrum).real)
+    explained, square = products[:, :-1], total
     if predicted is not None:
         explained = explained - (predicted @ basis.conj()).real
-        square = whole + float(np.vdot(predicted, predicted).real)
+        square = total + float(np.vdot(predicted, predicted).real)
     squares = np.maximum(square - 2.0 * products[:, -1] - np.sum(explained * explained, axis=1), 0.0)
-    best = int(squares.argmin())
-    solution = np.linalg.lstsq(triangle, explained[best], rcond=None)[0]
-    lag_rad, std_rad = _lowest(squares, best, 2 * len(orders) - len(solution) - 1)
-    return _Fit(lag_rad, std_rad, float(squares[best]), float(squares[len(_LAGS_RAD) // 2]), whole, solution)
+    index = int(squares.argmin())
+    solution = np.linalg.lstsq(triangle, explained[index], rcond=None)[0]
+    lag_rad, std_rad = _lowest(squares, index, 2 * len(orders) - len(solution) - 1)
+    return _Fit(lag_rad, std_rad, float(squares[index]), float(squares[len(_LAGS_RAD) // 2]), total, solution)
 
 
-def _lowest(squares: FloatArray, best: int, freedoms: int) -> tuple[float, float]:
+def _lowest(squares: FloatArray, index: int, freedoms: int) -> tuple[float, float]:
     """Return where the parabola through the least square and its neighbours is lowest, and the standard error."""
     step_rad = float(_LAGS_RAD[1] - _LAGS_RAD[0])
-    before, least, after = squares[np.clip([best - 1, best, best + 1], 0, len(squares) - 1)].tolist()
-    curvature = before - 2.0 * least + after
+    before, minimum, after = squares[np.clip([index - 1, index, index + 1], 0, len(squares) - 1)].tolist()
+    curvature = before - 2.0 * minimum + after
     if not curvature > 0.0:
-        return float(_LAGS_RAD[best]), math.inf
-    beyond = min(max(0.5 * (before - after) / curvature, -0.5), 0.5)
-    return float(_LAGS_RAD[best]) + beyond * step_rad, step_rad * math.sqrt(2.0 * least / (freedoms * curvature))
+        return float(_LAGS_RAD[index]), math.inf
+    offset = min(max(0.5 * (before - after) / curvature, -0.5), 0.5)
+    return float(_LAGS_RAD[index]) + offset * step_rad, step_rad * math.sqrt(2.0 * minimum / (freedoms * curvature))
 
 
 def _remainder(spectrum: ComplexArray, factors: ComplexArray, predicted: ComplexArray) -> tuple[float, float, float]:
     """Return the square that a fit without a lag leaves of a spectrum, that of the spectrum, and the first factor."""
     basis, triangle = _basis(factors)
-    rest = spectrum - predicted
-    explained = (rest @ basis.conj()).real
-    remainder = max(float(np.vdot(rest, rest).real - explained @ explained), 0.0)
+    target = spectrum - predicted
+    explained = (target @ basis.conj()).real
+    remainder = max(float(np.vdot(target, target).real - explained @ explained), 0.0)
     first = float(np.linalg.lstsq(triangle, explained, rcond=None)[0][0])
     return remainder, float(np.vdot(spectrum, spectrum).real), first
 

@@ -35,7 +35,7 @@ _DEEP_SHARE: Final = 0.2
 _DEEP_COUNTS: Final = 50
 # Share of the different values that may lie closer together than the converter's step: values between its steps are
 # those of bridged gaps.
-_BETWEEN: Final = 0.1
+_BETWEEN_STEPS_SHARE: Final = 0.1
 # So few samples at an extreme are no pile, whatever the noise below 30,000 counts: the last of them has a probability
 # above that of chance.
 _NO_PILE: Final = 2
@@ -75,10 +75,10 @@ def _is_piled(ascending: NDArray[np.int32], counts: NDArray[Any]) -> bool:
     noise = _noise_counts(counts)
     if noise < _LEAST_NOISE:
         return False
-    near = math.floor(_NOISE_RANGE * noise)
-    at_bottom, near_bottom = ascending.searchsorted((bottom, bottom + near), side="right").tolist()
-    at_top, near_top = (n - ascending.searchsorted((top, top - near))).tolist()
-    share = _FLATNESS / (near + 1.0)
+    depth = math.floor(_NOISE_RANGE * noise)
+    at_bottom, near_bottom = ascending.searchsorted((bottom, bottom + depth), side="right").tolist()
+    at_top, near_top = (n - ascending.searchsorted((top, top - depth))).tolist()
+    share = _FLATNESS / (depth + 1.0)
     return _beyond_chance(at_top, near_top, share) or _beyond_chance(at_bottom, near_bottom, share)
 
 
@@ -88,11 +88,11 @@ def _converter_step(ascending: NDArray[np.int32]) -> float:
     distances = np.sort(distances[distances > 0])
     if not len(distances):
         return 1.0
-    least = distances.item(math.floor(_BETWEEN * len(distances)))
-    if least <= 1:
+    smallest = distances.item(math.floor(_BETWEEN_STEPS_SHARE * len(distances)))
+    if smallest <= 1:
         return 1.0
     # Counts are whole numbers: a step between two of them appears as both.
-    return float(distances[(distances >= least) & (distances <= least + 1)].mean())
+    return float(distances[(distances >= smallest) & (distances <= smallest + 1)].mean())
 
 
 def _is_cut_deeply(ascending: NDArray[np.integer[Any]]) -> bool:
@@ -108,32 +108,32 @@ def _peak_is_cut(ascending: NDArray[np.integer[Any]]) -> bool:
     """Return whether more samples lie near the top than a smooth peak has."""
     n, top = len(ascending), ascending.item(-1)
     middle = 0.5 * (ascending.item((n - 1) // 2) + ascending.item(n // 2))
-    near = math.floor(_PARABOLA_SHARE * (top - middle))
-    if near < _LEAST_COUNTS:
+    depth = math.floor(_PARABOLA_SHARE * (top - middle))
+    if depth < _LEAST_COUNTS:
         return False
     # Powers of two up to a quarter of the parabola's counts, and the number of samples within each and within all.
-    widths = [1 << power for power in range(near.bit_length() - 2)]
-    *within, of = (n - ascending.searchsorted([top + 1 - width for width in (*widths, near + 1)])).tolist()
-    limit = _FLATNESS * of / math.sqrt(near + 1.0)
-    for count, width in zip(within, widths, strict=True):
+    widths = [1 << power for power in range(depth.bit_length() - 2)]
+    *counts, total = (n - ascending.searchsorted([top + 1 - width for width in (*widths, depth + 1)])).tolist()
+    limit = _FLATNESS * total / math.sqrt(depth + 1.0)
+    for count, width in zip(counts, widths, strict=True):
         root = math.sqrt(width)
-        if count > limit * root and _beyond_chance(count, of, _FLATNESS * root / math.sqrt(near + 1.0)):
+        if count > limit * root and _beyond_chance(count, total, _FLATNESS * root / math.sqrt(depth + 1.0)):
             return True
     return False
 
 
-def _beyond_chance(within: int, of: int, share: float) -> bool:
-    """Return whether a number of samples is too large for its largest share of `of`."""
+def _beyond_chance(count: int, total: int, share: float) -> bool:
+    """Return whether a number of samples is too large for its largest share of `total`."""
     share = min(share, 1.0)
-    within = max(within, 1)
+    count = max(count, 1)
     # Numbers up to the expected one are likely, and so are those that are all there are, if the share to that power is.
-    if within <= share * of or share**within >= _CHANCE:
+    if count <= share * total or share**count >= _CHANCE:
         return False
     # Few revolutions come here, and importing it takes as long as a second of samples.
     from scipy.special import betainc
 
     # The binomial probability of at least this number.
-    return float(betainc(within, of - within + 1.0, share)) < _CHANCE
+    return float(betainc(count, total - count + 1.0, share)) < _CHANCE
 
 
 def _noise_counts(counts: NDArray[Any]) -> float:

@@ -116,7 +116,7 @@ def find_contact_edges(
         values.
     """
     if not np.isfinite(radial_mps2).all():
-        return _not_found(Reason(RevolutionCode.AXIS_NOT_FINITE, axis=AXIS_NAMES[2]))
+        return _no_edges(Reason(RevolutionCode.AXIS_NOT_FINITE, axis=AXIS_NAMES[2]))
     if noise_coefficient_mps2 is None:
         noise_coefficient_mps2 = coefficient_std(radial_mps2, samples_per_revolution)
     width = smoothing_order(samples_per_revolution)
@@ -125,16 +125,16 @@ def find_contact_edges(
     contrast, reason = _contrast(levels, noise_coefficient_mps2)
     plateau, baseline = levels.plateau_mps2, levels.baseline_mps2
     if reason is not None:
-        return _not_found(reason, plateau, baseline, contrast)
-    smoothed = [levels, *_smoothed_more(radial_mps2, spectrum, width)]
+        return _no_edges(reason, plateau, baseline, contrast)
+    smoothed = [levels, *_stronger_levels(radial_mps2, spectrum, width)]
     ripple = _ripple(smoothed[0], smoothed[1], noise_coefficient_mps2) if len(smoothed) > 1 else 0.0
     scatter = None if scatter_mps2 is None else (scatter_mps2, median(scatter_mps2))
     places = [_places(smoothed, side, noise_coefficient_mps2, scatter) for side in (0, 1)]
     if not all(places):
-        return _not_found(Reason(RevolutionCode.CONTACT_HAS_NO_SLOPE), plateau, baseline, contrast)
-    leading, trailing = (edge_among_waves(of_side, ripple) for of_side in places)
+        return _no_edges(Reason(RevolutionCode.CONTACT_HAS_NO_SLOPE), plateau, baseline, contrast)
+    leading, trailing = (edge_among_waves(side_places, ripple) for side_places in places)
     if not leading.angle_rad < 0.0 < trailing.angle_rad:
-        return _not_found(Reason(RevolutionCode.CONTACT_HAS_NO_SLOPE), plateau, baseline, contrast)
+        return _no_edges(Reason(RevolutionCode.CONTACT_HAS_NO_SLOPE), plateau, baseline, contrast)
     return ContactEdges(
         leading.angle_rad,
         trailing.angle_rad,
@@ -178,11 +178,11 @@ def _levels(radial_mps2: FloatArray, spectrum: ComplexArray, width: float) -> Co
     smooth, slope = np.fft.irfft(spectrum * _smoothing(n, width).factors, n=n, axis=1)
     points_per_rad = n / (2.0 * math.pi)
     middle, reach, search = n // 2, round(_CENTRE_RAD * points_per_rad), round(_SEARCH_RAD * points_per_rad)
-    beyond = math.ceil(_FREE_RAD * points_per_rad)
-    baseline = median(np.concatenate((smooth[: middle - beyond + 1], smooth[middle + beyond :])))
-    inside = middle - reach + int(smooth[middle - reach : middle + reach + 1].argmin())
-    plateau = smooth.item(inside)
-    crossings = _half_level_crossings(smooth, inside, 0.5 * (plateau + baseline), search)
+    free_points = math.ceil(_FREE_RAD * points_per_rad)
+    baseline = median(np.concatenate((smooth[: middle - free_points + 1], smooth[middle + free_points :])))
+    contact_index = middle - reach + int(smooth[middle - reach : middle + reach + 1].argmin())
+    plateau = smooth.item(contact_index)
+    crossings = _half_level_crossings(smooth, contact_index, 0.5 * (plateau + baseline), search)
     if crossings is not None:
         # Second pass with the level of the plateau instead of the minimum, which noise and overshoots bias.
         first, last = crossings
@@ -207,10 +207,10 @@ def _contrast(levels: ContactLevels, noise_coefficient_mps2: float) -> tuple[flo
     return contrast, None if contrast > _MIN_CONTRAST else Reason(RevolutionCode.CONTACT_IN_NOISE)
 
 
-def _smoothed_more(radial_mps2: FloatArray, spectrum: ComplexArray, width: float) -> list[ContactLevels]:
+def _stronger_levels(radial_mps2: FloatArray, spectrum: ComplexArray, width: float) -> list[ContactLevels]:
     """Return the levels of a waveform under stronger smoothing than to `width` orders, as far as it has a contact."""
-    wanted = (_levels(radial_mps2, spectrum, order) for order in _STRONGER_ORDERS if order < _STRONGER_SHARE * width)
-    return list(takewhile(lambda levels: levels.shapes is not None, wanted))
+    stronger = (_levels(radial_mps2, spectrum, order) for order in _STRONGER_ORDERS if order < _STRONGER_SHARE * width)
+    return list(takewhile(lambda levels: levels.shapes is not None, stronger))
 
 
 def _places(
@@ -246,12 +246,12 @@ def _ripple(levels: ContactLevels, stronger: ContactLevels, noise_coefficient_mp
     assert levels.shapes is not None
     waves = levels.smooth_mps2 - stronger.smooth_mps2
     angles = angle_grid(len(waves))
-    near, far = _RIPPLE_RAD
+    inner_rad, outer_rad = _RIPPLE_RAD
     leading, trailing = (shape.steepest_rad for shape in levels.shapes)
-    before = slice(*np.searchsorted(angles, (leading - far, leading - near)).tolist())
-    behind = slice(*np.searchsorted(angles, (trailing + near, trailing + far)).tolist())
-    beside = np.concatenate((waves[before], waves[behind]))
-    square = float(beside @ beside) / len(beside) if len(beside) else 0.0
+    leading_span = slice(*np.searchsorted(angles, (leading - outer_rad, leading - inner_rad)).tolist())
+    trailing_span = slice(*np.searchsorted(angles, (trailing + inner_rad, trailing + outer_rad)).tolist())
+    free_waves = np.concatenate((waves[leading_span], waves[trailing_span]))
+    square = float(free_waves @ free_waves) / len(free_waves) if len(free_waves) else 0.0
     noise = noise_coefficient_mps2 * _wave_noise(len(waves), levels.width, stronger.width)
     return math.sqrt(max(square - noise * noise, 0.0)) / (levels.baseline_mps2 - levels.plateau_mps2)
 
@@ -314,34 +314,34 @@ def _gaussian(n: int, width: float) -> tuple[FloatArray, FloatArray]:
     return orders, np.exp(-0.5 * (orders / width) ** 2)
 
 
-def _smear(shape: EdgeShape, scatter_mps2: FloatArray, usual_mps2: float) -> float:
+def _smear(shape: EdgeShape, scatter_mps2: FloatArray, median_mps2: float) -> float:
     """Return the standard deviation of an edge's place in an average, rad; 0 while the scatter is not known.
 
-    `usual_mps2` is the median of the scatter.
+    `median_mps2` is the median of the scatter.
     """
     n = len(scatter_mps2)
     index = round((shape.steepest_rad + math.pi) * n / (2.0 * math.pi)) % n
-    excess = scatter_mps2.item(index) ** 2 - usual_mps2 * usual_mps2
+    excess = scatter_mps2.item(index) ** 2 - median_mps2 * median_mps2
     return math.sqrt(excess) / shape.slope_mps2 if excess > 0.0 < shape.slope_mps2 else 0.0
 
 
-def _half_level_crossings(smooth: FloatArray, inside: int, level: float, reach: int) -> tuple[int, int] | None:
-    """Return the last indices at or below the level on either side of `inside`, or None without crossings."""
-    if not smooth[inside] < level:
+def _half_level_crossings(smooth: FloatArray, contact_index: int, level: float, reach: int) -> tuple[int, int] | None:
+    """Return the last indices at or below the level on either side of `contact_index`, or None without crossings."""
+    if not smooth[contact_index] < level:
         return None
-    first = max(0, inside - reach)
-    above = smooth[first : inside + 1 + reach] > level
-    before, after = above[: inside - first][::-1], above[inside - first + 1 :]
+    first = max(0, contact_index - reach)
+    above = smooth[first : contact_index + 1 + reach] > level
+    before, after = above[: contact_index - first][::-1], above[contact_index - first + 1 :]
     if not (len(before) and len(after)):
         return None
     # The first point above the level; the first of all where there is none.
     last_before, last_after = int(before.argmax()), int(after.argmax())
     if not (before.item(last_before) and after.item(last_after)):
         return None
-    return inside - last_before, inside + last_after
+    return contact_index - last_before, contact_index + last_after
 
 
-def _not_found(
+def _no_edges(
     reason: Reason, plateau: float = math.nan, baseline: float = math.nan, contrast: float = math.nan
 ) -> ContactEdges:
     nan = math.nan

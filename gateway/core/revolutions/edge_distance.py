@@ -57,7 +57,7 @@ _HALF_TRUST_RIPPLE: Final = 0.0045
 _HALF_TRUST_DIFFERENCE: Final = 1.5
 # Share of the difference between the two strongest smoothings that waves leave in the stronger one: 15 orders leave 0.3
 # to 0.4 of what a wave of order 33 to 35, lower than any seen, does at 20 orders, and less of every shorter wave.
-_WAVES_LEFT: Final = 0.4
+_REMAINING_WAVES: Final = 0.4
 # Standard deviation of the edge in an average, rad, at which features count by half.
 _HALF_TRUST_SMEAR_RAD: Final = 0.006
 # A feature further than this many standard deviations from its mean is none of a tire's on a road.
@@ -145,21 +145,21 @@ def edge_shape(
     preceding, middle, following = (outward.item((edge + step) % n) for step in (-1, 0, 1))
     bend = 2.0 * middle - preceding - following
     position = edge + 0.5 * (following - preceding) / bend if bend > 0.0 else float(edge)
-    outside = outward[(edge + direction * np.arange(reach + 2)) % n]
-    falling = np.flatnonzero(outside <= 0.0)
-    top = max(int(falling[0]), 1) if len(falling) else len(outside) - 1
-    before, after = float(outside[top - 1]), float(outside[top])
+    outward_profile = outward[(edge + direction * np.arange(reach + 2)) % n]
+    falling = np.flatnonzero(outward_profile <= 0.0)
+    top = max(int(falling[0]), 1) if len(falling) else len(outward_profile) - 1
+    before, after = float(outward_profile[top - 1]), float(outward_profile[top])
     share = before / (before - after) if before > after else 1.0
-    contact, free = levels_mps2
-    height = float(smooth_mps2[(edge + direction * top) % n]) - free
+    contact_level, free_level = levels_mps2
+    height = float(smooth_mps2[(edge + direction * top) % n]) - free_level
     return EdgeShape(
         steepest_rad=-math.pi + position * spacing,
         slope_mps2=middle,
         bend_mps2=max(bend, 0.0) / spacing**2,
         to_top_rad=spacing * (top - 1 + share - direction * (position - edge)),
-        overshoot=height / (free - contact),
+        overshoot=height / (free_level - contact_level),
         top_bend_mps2=(before - after) / spacing,
-        transition_rad=(free - contact) / middle if middle > 0.0 else math.inf,
+        transition_rad=(free_level - contact_level) / middle if middle > 0.0 else math.inf,
     )
 
 
@@ -177,7 +177,7 @@ def edge_distance(
         smear_rad: standard deviation of the edge's place over the revolutions of an average.
     """
     model = _linear_model(width)
-    smooth = 1.0 / (1.0 + (smear_rad / _HALF_TRUST_SMEAR_RAD) ** 4)
+    sharpness = 1.0 / (1.0 + (smear_rad / _HALF_TRUST_SMEAR_RAD) ** 4)
     distance, noise2, unknown2 = model.mean_rad, 0.0, 0.0
     for feature, noise, (factor, mean, spread) in zip(
         features_rad.tolist(), noises_rad.tolist(), model.features, strict=True
@@ -185,11 +185,11 @@ def edge_distance(
         trust = 0.0
         if math.isfinite(feature) and math.isfinite(noise):
             trust = spread**2 / (spread**2 + noise**2)
-            resolved, limit = smooth * factor * trust, _MAX_DEPARTURE * spread
+            resolved, limit = sharpness * factor * trust, _MAX_DEPARTURE * spread
             distance += resolved * min(max(feature - mean, -limit), limit)
             noise2 += (resolved * noise) ** 2
-        unknown2 += (smooth * factor * spread) ** 2 * (1.0 - trust)
-    smeared_std = math.sqrt(1.0 - smooth) * model.spread_rad
+        unknown2 += (sharpness * factor * spread) ** 2 * (1.0 - trust)
+    smeared_std = math.sqrt(1.0 - sharpness) * model.spread_rad
     return EdgeDistance(distance, math.sqrt(noise2), math.hypot(model.std_rad, math.sqrt(unknown2), smeared_std))
 
 
@@ -216,7 +216,7 @@ def edge_among_waves(places: Sequence[EdgePlace], ripple: float) -> EdgePlace:
         places: the usual smoothing first, at least one.
         ripple: rms of the waves of the free belt, over the step from contact to free belt.
     """
-    edge, waves_remaining = places[-1], _WAVES_LEFT
+    edge, waves_remaining = places[-1], _REMAINING_WAVES
     for index in range(len(places) - 2, -1, -1):
         position, stronger = places[index], places[index + 1]
         difference = position.angle_rad - edge.angle_rad
@@ -225,13 +225,13 @@ def edge_among_waves(places: Sequence[EdgePlace], ripple: float) -> EdgePlace:
         variance += position.noise_std_rad**2 + edge.noise_std_rad**2
         waves = (difference / _HALF_TRUST_DIFFERENCE) ** 2 / variance
         trust = 1.0 / (1.0 + waves * waves + (ripple / _HALF_TRUST_RIPPLE) ** 4 * (index == 0))
-        other = 1.0 - trust
-        model = trust * position.model_std_rad + other * edge.model_std_rad
+        stronger_weight = 1.0 - trust
+        model = trust * position.model_std_rad + stronger_weight * edge.model_std_rad
         edge = EdgePlace(
             position.width,
             edge.angle_rad + trust * difference,
-            trust * position.noise_std_rad + other * edge.noise_std_rad,
-            math.sqrt(model**2 + (trust * other + waves_remaining * waves_remaining) * difference**2),
+            trust * position.noise_std_rad + stronger_weight * edge.noise_std_rad,
+            math.sqrt(model**2 + (trust * stronger_weight + waves_remaining * waves_remaining) * difference**2),
         )
         waves_remaining = 0.0
     return edge

@@ -137,9 +137,9 @@ class CorrectionTable:
                 Reason(CoreCode.EFFECTS_OF_OTHER_SENSOR, found_on=f"{expected:08x}", sensor=f"{recorded:08x}")
             )
         if "" not in (signal.vehicle, self.vehicle) and signal.vehicle != self.vehicle:
-            reasons.append(_of_other("vehicle", self.vehicle, signal.vehicle))
+            reasons.append(_mismatch("vehicle", self.vehicle, signal.vehicle))
         if "" not in (signal.tire, self.tire) and signal.tire != self.tire:
-            reasons.append(_of_other("tire", self.tire, signal.tire))
+            reasons.append(_mismatch("tire", self.tire, signal.tire))
         radii_m = [value for value in signal.radii_m if abs(value / self.radius_m - 1.0) > RADIUS_TOLERANCE]
         if radii_m:
             reasons.append(Reason(CoreCode.EFFECTS_OF_OTHER_RADIUS, found_m=self.radius_m, radius_m=max(radii_m)))
@@ -180,5 +180,5 @@ def _outside(quantity: str, value: float, low: float, high: float) -> Reason:
     return Reason(RevolutionCode.EFFECTS_OUTSIDE_RANGE, quantity=quantity, value=value, low=low, high=high)
 
 
-def _of_other(kind: str, found_on: str, name: str) -> Reason:
+def _mismatch(kind: str, found_on: str, name: str) -> Reason:
     return Reason(RevolutionCode.EFFECTS_OF_OTHER, kind=kind, found_on=found_on, name=name)

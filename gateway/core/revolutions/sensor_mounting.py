@@ -202,8 +202,8 @@ def relative_curvature(radial_mps2: FloatArray, offset: float) -> FloatArray:
     curvature = signal
     for _ in range(3 if offset else 0):
         # mean(s) = V^2/R (1 - offset mean(k^2)): the root that tends to the signal as the offset tends to 0.
-        read = signal * (1.0 - offset * float(np.square(curvature).mean()))
-        curvature = 2.0 * read / (1.0 + np.sqrt(np.maximum(1.0 - 4.0 * offset * read, 0.0)))
+        reading = signal * (1.0 - offset * float(np.square(curvature).mean()))
+        curvature = 2.0 * reading / (1.0 + np.sqrt(np.maximum(1.0 - 4.0 * offset * reading, 0.0)))
     result: FloatArray = curvature / curvature.mean()
     return result
 
@@ -220,8 +220,8 @@ def belt_kinematics(radial_mps2: FloatArray, offset: float, centre_rad: float) -
     n = len(curvature)
     step = 2.0 * math.pi / n
     theta = angle_grid(n) - centre_rad
-    turn = np.cumsum(curvature) - 0.5 * curvature
-    inclination = (turn - float(np.interp(0.0, theta, turn))) * step
+    cumulative = np.cumsum(curvature) - 0.5 * curvature
+    inclination = (cumulative - float(np.interp(0.0, theta, cumulative))) * step
     cosine, sine = np.cos(inclination), np.sin(inclination)
     spectra = np.fft.rfft(np.stack([curvature, sine, 1.0 - cosine]), axis=1)[:, : HIGHEST_ORDER + 1] * (2.0 / n)
     # One Newton step suffices: order 1 is wrong only by a small residual of gravity.
@@ -280,16 +280,16 @@ def _rows_by_numpy(
     by_offset = np.square(omega_radps)[:, np.newaxis] * belt.along
     # The mean is one equation; every other order is two, of the same weight.
     count = np.minimum(HIGHEST_ORDER, order_max) + 1
-    used = (np.arange(HIGHEST_ORDER + 1) < count[:, np.newaxis]).astype(np.float64)
-    used[:, 0] = math.sqrt(0.5) if with_mean else 0.0
+    weights = (np.arange(HIGHEST_ORDER + 1) < count[:, np.newaxis]).astype(np.float64)
+    weights[:, 0] = math.sqrt(0.5) if with_mean else 0.0
     hub = np.empty((len(remainder), HUB_SIZE))
     for index, factor in enumerate((remainder, by_offset, by_tilt)):
         hub[:, index], hub[:, index + 3] = factor[:, HUB_ORDER].real, factor[:, HUB_ORDER].imag
     hub[:, -1] = 1.0
-    used[:, HUB_ORDER] = 0.0
-    remainder *= used
-    by_tilt *= used
-    by_offset = by_offset * used
+    weights[:, HUB_ORDER] = 0.0
+    remainder *= weights
+    by_tilt *= weights
+    by_offset = by_offset * weights
     pairs = (
         (by_offset, by_offset),
         (by_offset, by_tilt),
@@ -298,15 +298,15 @@ def _rows_by_numpy(
         (by_tilt, remainder),
     )
     products = np.empty((len(remainder), 6, HIGHEST_ORDER + 1))
-    for row, (first, other) in enumerate((*pairs, (remainder, remainder))):
-        products[:, row] = first.real * other.real
-        products[:, row] += first.imag * other.imag
+    for row, (first, second) in enumerate((*pairs, (remainder, remainder))):
+        products[:, row] = first.real * second.real
+        products[:, row] += first.imag * second.imag
     sums = np.empty((len(remainder), MOUNTING_SIZE))
     sums[:, :-4] = np.add.reduceat(products, _BANDS, axis=2).reshape(len(remainder), -1)
-    by_zero = 2.0 * used[:, 0]
-    sums[:, -4] = by_tilt[:, 0].real * by_zero
-    sums[:, -3] = by_zero**2
-    sums[:, -2] = remainder[:, 0].real * by_zero
+    zero_factor = 2.0 * weights[:, 0]
+    sums[:, -4] = by_tilt[:, 0].real * zero_factor
+    sums[:, -3] = zero_factor**2
+    sums[:, -2] = remainder[:, 0].real * zero_factor
     sums[:, -1] = 2 * count - 1 - (not with_mean) - 2 * (count > HUB_ORDER)
     return MountingRows(sums, hub)
 
@@ -324,13 +324,13 @@ def _rows_by_core(
     assert core is not None
     count = len(spectra_mps2)
     sums, hub = np.empty((count, MOUNTING_SIZE)), np.empty((count, HUB_SIZE))
-    spectra, along, predicted = (
+    spectra, along_spectra, predicted = (
         np.ascontiguousarray(spectrum).view(np.float64) for spectrum in (spectra_mps2, belt.along, belt.known_spectra)
     )
     highest = order_max.astype(np.float64)
     rates = np.ascontiguousarray(omega_radps), np.ascontiguousarray(omega_dot_radps2)
     core.mounting_rows(
-        spectra, along, predicted, *rates, radius_m, highest, with_mean, STANDARD_GRAVITY_MPS2, sums, hub
+        spectra, along_spectra, predicted, *rates, radius_m, highest, with_mean, STANDARD_GRAVITY_MPS2, sums, hub
     )
     return MountingRows(sums, hub)
 
@@ -389,20 +389,20 @@ def yaw_by_shape(
     spectra = np.fft.rfft(axes_mps2, axis=1)[:, orders] * (2.0 / axes_mps2.shape[1])
     predicted = STANDARD_GRAVITY_MPS2 * belt.known_spectra[0] + reaction_mps2 * belt.known_spectra[1]
     rows = np.stack([spectra[0], spectra[1], square_radps2 * belt.along[orders], spectra[2], predicted[orders]])
-    along, lateral, *fitted = np.concatenate([rows.real, rows.imag], axis=1)
+    circumferential, lateral, *fitted = np.concatenate([rows.real, rows.imag], axis=1)
     basis, triangle = np.linalg.qr(np.array(fitted).T)
     if not np.abs(np.diagonal(triangle)).min() > 0.0:
         return math.nan, math.nan
-    along, lateral = (side - basis @ (basis.T @ side) for side in (along, lateral))
-    size = float(lateral @ lateral)
-    if not size > 0.0:
+    circumferential, lateral = (axis - basis @ (basis.T @ axis) for axis in (circumferential, lateral))
+    lateral_square = float(lateral @ lateral)
+    if not lateral_square > 0.0:
         return math.nan, math.nan
-    tangent = -float(lateral @ along) / size
-    remainder = along + tangent * lateral
-    by_band = np.bincount(np.searchsorted(_BANDS, np.tile(orders, 2), side="right"), weights=lateral * remainder)
-    used = max(int(np.count_nonzero(by_band)), 5)
-    clustered = float(np.square(by_band).sum()) * used / (used - 4) / size**2
-    white = float(remainder @ remainder) / (len(remainder) - 4) / size
+    tangent = -float(lateral @ circumferential) / lateral_square
+    remainder = circumferential + tangent * lateral
+    band_sums = np.bincount(np.searchsorted(_BANDS, np.tile(orders, 2), side="right"), weights=lateral * remainder)
+    band_count = max(int(np.count_nonzero(band_sums)), 5)
+    clustered = float(np.square(band_sums).sum()) * band_count / (band_count - 4) / lateral_square**2
+    white = float(remainder @ remainder) / (len(remainder) - 4) / lateral_square
     return math.atan(tangent), math.hypot(math.sqrt(max(clustered, white)), _YAW_MODEL_RAD)
 
 
@@ -451,13 +451,13 @@ class RollCalibration:
         """
         self._roll_weight = math.tan(_ROLL_PRIOR_STD_RAD) ** -2
         self._offset_std_mps2 = offset_std_mps2
-        self._keep = 1.0 - 1.0 / horizon_revolutions
+        self._retention = 1.0 - 1.0 / horizon_revolutions
         self.reset()
 
     def reset(self) -> None:
         """Forget everything."""
         # Of the groups before, weighted, and of the latest group; squares of what its revolutions are off.
-        self._sums, self._group, self._off_squares = _NO_SUMS, _NO_SUMS, 0.0
+        self._sums, self._group, self._residual_squares = _NO_SUMS, _NO_SUMS, 0.0
         self.count = 0
         self.roll_rad, self.roll_std_rad, self.offset_mps2 = 0.0, MOUNTING_STD_RAD, 0.0
         self.offset_std_mps2 = self._offset_std_mps2
@@ -479,39 +479,39 @@ class RollCalibration:
         if not (math.isfinite(mean_lateral_mps2) and mean_radial_mps2 > 0.0):
             return
         if self.count % _GROUP_REVOLUTIONS == 0:
-            self._sums, self._group, self._off_squares = self._all_sums(), _NO_SUMS, 0.0
-        keep, x, y = self._keep, mean_radial_mps2, mean_lateral_mps2
+            self._sums, self._group, self._residual_squares = self._all_sums(), _NO_SUMS, 0.0
+        retention, x, y = self._retention, mean_radial_mps2, mean_lateral_mps2
         aa, ab, bb, a, b = self._sums
-        self._sums = keep * aa, keep * ab, keep * bb, keep * a, keep * b
+        self._sums = retention * aa, retention * ab, retention * bb, retention * a, retention * b
         aa, ab, bb, a, b = self._group
         self._group = aa + x * x, ab + x, bb + 1.0, a + x * y, b + y
-        off_mps2 = min(abs(self._off_mps2(x, y)), _CURVE_MPS2) if self.count else 0.0
-        self._off_squares += off_mps2**2 + std_mps2**2
+        residual_mps2 = min(abs(self._residual_mps2(x, y)), _CURVE_MPS2) if self.count else 0.0
+        self._residual_squares += residual_mps2**2 + std_mps2**2
         self.count += 1
         aa, ab, bb, a, b = self._all_sums()
         std = self._offset_std_mps2
         # Revolutions at different speeds give the constant without a prior. Where it contradicts the prior, its own
         # size takes the prior's place.
-        free = aa * bb - ab * ab
-        if free > _LEAST_SPREAD * aa * bb:
-            alone = (aa * b - ab * a) / free
-            contradicts = abs(alone) > _CONTRADICTION * math.hypot(math.sqrt(aa / free), std)
+        spread = aa * bb - ab * ab
+        if spread > _LEAST_SPREAD * aa * bb:
+            free_offset = (aa * b - ab * a) / spread
+            contradicts = abs(free_offset) > _CONTRADICTION * math.hypot(math.sqrt(aa / spread), std)
             # One that no sensor has is none: a few means do not belong to their speeds.
-            if contradicts and abs(alone) <= LARGEST_ZERO_MPS2:
-                std = abs(alone)
+            if contradicts and abs(free_offset) <= LARGEST_ZERO_MPS2:
+                std = abs(free_offset)
         aa += self._roll_weight
         bb += std**-2
         determinant = aa * bb - ab * ab
         self.roll_rad = math.atan((bb * a - ab * b) / determinant)
         self.offset_mps2 = (aa * b - ab * a) / determinant
-        self._latest_rad += (self._off_mps2(x, y) / x - self._latest_rad) / min(self.count, _LATEST_REVOLUTIONS)
-        moved_rad = max(abs(self._latest_rad) - _CURVE_MPS2 / x, 0.0)
+        self._latest_rad += (self._residual_mps2(x, y) / x - self._latest_rad) / min(self.count, _LATEST_REVOLUTIONS)
+        shift_rad = max(abs(self._latest_rad) - _CURVE_MPS2 / x, 0.0)
         # What no sensor has of the constant is of the tilt.
-        of_constant_rad = max(abs(self.offset_mps2) - LARGEST_ZERO_MPS2, 0.0) / x
-        self.roll_std_rad = math.hypot(math.sqrt(bb / determinant), moved_rad, of_constant_rad)
+        excess_offset_rad = max(abs(self.offset_mps2) - LARGEST_ZERO_MPS2, 0.0) / x
+        self.roll_std_rad = math.hypot(math.sqrt(bb / determinant), shift_rad, excess_offset_rad)
         self.offset_std_mps2 = math.sqrt(aa / determinant)
 
-    def _off_mps2(self, radial_mps2: float, lateral_mps2: float) -> float:
+    def _residual_mps2(self, radial_mps2: float, lateral_mps2: float) -> float:
         """Return what a lateral mean is off the fit."""
         return lateral_mps2 - self.offset_mps2 - math.tan(self.roll_rad) * radial_mps2
 
@@ -520,8 +520,8 @@ class RollCalibration:
         aa, ab, bb, a, b = self._group
         if not bb:
             return self._sums
-        off_square = self._off_squares / bb
-        weight, variance = 1.0 / (REVOLUTION_STD_MPS2**2 + off_square), BANK_MPS2**2 + off_square
+        residual_square = self._residual_squares / bb
+        weight, variance = 1.0 / (REVOLUTION_STD_MPS2**2 + residual_square), BANK_MPS2**2 + residual_square
         common = weight * variance / (1.0 + weight * variance * bb)
         taa, tab, tbb, ta, tb = self._sums
         return (

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 # Length up to which sorting takes no longer than selecting.
-_SORTED: Final = 256
+_MAX_SORTED_LENGTH: Final = 256
 
 
 def median(values: NDArray[np.floating[Any]] | NDArray[np.integer[Any]]) -> float:
@@ -15,7 +15,7 @@ def median(values: NDArray[np.floating[Any]] | NDArray[np.integer[Any]]) -> floa
     half = len(values) // 2
     # NaN is sorted to the end.
     ascending = values.copy()
-    if len(values) <= _SORTED:
+    if len(values) <= _MAX_SORTED_LENGTH:
         ascending.sort()
     else:
         ascending.partition((half - 1, half, len(values) - 1))

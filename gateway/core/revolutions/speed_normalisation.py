@@ -22,7 +22,7 @@ _ITERATIONS: Final = 3
 # Highest plausible peak over the mean: a ring's overshoot is below three times its baseline.
 _MAX_PEAK_RATIO: Final = 6.0
 # How the compiled core restores the steady value of a revolution.
-_IS_DC, _BY_CONTACT, _BY_STEADY_VALUE, _AS_IT_IS = 0.0, 1.0, 2.0, 3.0
+_IS_DC, _BY_CONTACT, _BY_STEADY_VALUE, _UNCHANGED = 0.0, 1.0, 2.0, 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +154,7 @@ def _normalised_by_core(
     if steady_mps2 is not None:
         rows[:, 3] = steady_mps2
     for index, interior in enumerate(interiors or ()):
-        modes[index] = _AS_IT_IS if interior is None else _BY_CONTACT
+        modes[index] = _UNCHANGED if interior is None else _BY_CONTACT
         rows[index, 4:] = (0, 0) if interior is None else (interior.start, min(interior.stop, n))
     shape, angle = np.empty((2, count, n))
     gain, constant, closed = np.empty(n), np.zeros(count), np.empty(count)

@@ -17,9 +17,9 @@ from gateway.core.types import ComplexArray, FloatArray
 
 DEFAULT_HORIZON_REVOLUTIONS: Final = 50.0
 # Place of the first cosine among the values of a revolution; sines follow, and the waveform precedes.
-_ORDERS_AT: Final = -2 * ORDER_COUNT
-_WAVEFORM: Final = slice(None, _ORDERS_AT)
-_ORDERS: Final = slice(_ORDERS_AT, None)
+_ORDERS_START: Final = -2 * ORDER_COUNT
+_WAVEFORM: Final = slice(None, _ORDERS_START)
+_ORDERS: Final = slice(_ORDERS_START, None)
 
 
 class Shares(NamedTuple):
@@ -39,12 +39,12 @@ def running_shares(weights: tuple[float, ...]) -> Shares:
     """Return the shares for weights of updates one after the other; only the first may be 1."""
     weight = np.array(weights, dtype=np.float64)
     retained = np.subtract(1.0, weight, dtype=np.float64)
-    is_fresh = retained[0] == 0.0
-    if is_fresh:
+    is_initial = retained[0] == 0.0
+    if is_initial:
         retained[0] = 1.0
     product = np.asarray(np.cumprod(retained), dtype=np.float64)
     values: FloatArray = np.tril(np.multiply.outer(product, weight / product))
-    prior: FloatArray = np.zeros_like(product) if is_fresh else product
+    prior: FloatArray = np.zeros_like(product) if is_initial else product
     for array in (prior, values):
         array.setflags(write=False)
     return Shares(prior, values)
@@ -307,7 +307,7 @@ class _State:
 
     @property
     def waveform_mps2(self) -> FloatArray:
-        result: FloatArray = self.moments.mean[:_ORDERS_AT] * self.omega_radps**2
+        result: FloatArray = self.moments.mean[:_ORDERS_START] * self.omega_radps**2
         return result
 
     @property
@@ -317,9 +317,9 @@ class _State:
 
     def average(self) -> AngleAverage:
         square = self.omega_radps**2
-        seen = self.order_counts > 0.0
-        cosine, sine = self.moments.mean[_ORDERS_AT:].reshape(2, ORDER_COUNT)
-        orders = np.where(seen, (cosine - 1j * sine) * square, complex(math.nan, math.nan))
+        carried = self.order_counts > 0.0
+        cosine, sine = self.moments.mean[_ORDERS_START:].reshape(2, ORDER_COUNT)
+        orders = np.where(carried, (cosine - 1j * sine) * square, complex(math.nan, math.nan))
         # Order 0 has no sine. Scatter has one degree of freedom per coefficient and revolution: below three revolutions
         # the estimate of the noise is better.
         variance = 0.5 * self.moments.variance(_ORDERS).reshape(2, ORDER_COUNT).sum(axis=0)
@@ -327,7 +327,7 @@ class _State:
         noise = np.full(ORDER_COUNT, self.order_noise)
         noise[0] *= 0.5
         variance = np.where(self.order_counts >= 3.0, variance, noise)
-        orders_std = np.where(seen, np.sqrt(variance * self.moments.weight_square[-ORDER_COUNT:]) * square, math.nan)
+        orders_std = np.where(carried, np.sqrt(variance * self.moments.weight_square[-ORDER_COUNT:]) * square, math.nan)
         leading_std, trailing_std = self.edges.stds_rad()
         return AngleAverage(
             count=self.count,
@@ -347,8 +347,8 @@ class _State:
 def _cosines_and_sines(values: FloatArray, *, has_orders: bool) -> FloatArray:
     """Return the coefficients of k waveforms, (k, 122), from values (k, n + 122) that contain them or not."""
     if has_orders:
-        return values[:, _ORDERS_AT:]
-    coefficients = order_coefficients(values[:, :_ORDERS_AT])
+        return values[:, _ORDERS_START:]
+    coefficients = order_coefficients(values[:, :_ORDERS_START])
     return np.concatenate([coefficients.real, -coefficients.imag], axis=1)
 
 
@@ -365,7 +365,7 @@ class _Steps:
         floor: float,
         measured: FloatArray | None,
     ) -> None:
-        self._before = before
+        self._initial = before
         self._measured = measured
         self._omega = omega_radps
         self._scalars = scalars
@@ -389,7 +389,7 @@ class _Steps:
     @cached_property
     def _order_weights(self) -> tuple[FloatArray, FloatArray]:
         """Number of values of each order after each revolution, and the weights of the new ones, (k, 61) each."""
-        counts = self._before.order_counts + np.cumsum(self._carried, axis=0)
+        counts = self._initial.order_counts + np.cumsum(self._carried, axis=0)
         weights = np.where(self._carried, np.maximum(1.0 / np.maximum(counts, 1.0), self._floor), 0.0)
         return counts, weights
 
@@ -399,9 +399,9 @@ class _Steps:
         weights = np.array([[weight] for _, _, weight, *_ in self._scalars])
         if self._is_even:
             return weights
-        _, of_orders = self._order_weights
+        _, order_weights = self._order_weights
         return np.concatenate(
-            [np.repeat(weights, self._values.shape[1] - 2 * ORDER_COUNT, axis=1), of_orders, of_orders], axis=1
+            [np.repeat(weights, self._values.shape[1] - 2 * ORDER_COUNT, axis=1), order_weights, order_weights], axis=1
         )
 
     @cached_property
@@ -409,11 +409,11 @@ class _Steps:
         """(k, 61) coefficients c - i s of the averaged waveform."""
         shares = running_shares(tuple(weight for _, _, weight, *_ in self._scalars))
         # Coefficients are those of the waveforms, as far as the sampling carries them.
-        state = self._before
-        before = _cosines_and_sines(state.moments.mean[np.newaxis], has_orders=self._had_all)
-        of_block = _cosines_and_sines(self._values, has_orders=self._has_all)
-        averaged = shares.prior[:, np.newaxis] * before + shares.values @ of_block
-        change = of_block - np.concatenate([before, averaged[:-1]])
+        state = self._initial
+        previous = _cosines_and_sines(state.moments.mean[np.newaxis], has_orders=self._had_all)
+        block_values = _cosines_and_sines(self._values, has_orders=self._has_all)
+        averaged = shares.prior[:, np.newaxis] * previous + shares.values @ block_values
+        change = block_values - np.concatenate([previous, averaged[:-1]])
         if not self._has_all:
             change *= np.tile(self._carried, 2)
         squares = 0.5 * np.square(change).sum(axis=1)
@@ -424,10 +424,10 @@ class _Steps:
     @cached_property
     def scatters(self) -> Sequence[float]:
         """Mean square deviation of the revolutions, of the orders that they carry."""
-        moments = self._before.moments
+        moments = self._initial.moments
         if self._is_even:
             _ = self.spectra
-            spread = 0.5 * float(moments.spread[_ORDERS_AT:].sum())
+            spread = 0.5 * float(moments.spread[_ORDERS_START:].sum())
             spreads = []
             for square, (_, _, weight, *_) in zip(self._squares, self._scalars, strict=True):
                 spread = (1.0 - weight) * (spread + weight * square)
@@ -435,14 +435,14 @@ class _Steps:
         else:
             _, weights = self._order_weights
             steps = np.tile(weights, 2)
-            of_scatter = steps if self._measured is None else steps / self._measured
-            mean, each = moments.mean[_ORDERS_AT:].copy(), moments.spread[_ORDERS_AT:]
+            scatter_weights = steps if self._measured is None else steps / self._measured
+            mean, order_spreads = moments.mean[_ORDERS_START:].copy(), moments.spread[_ORDERS_START:]
             spreads = []
-            for orders, weight, scatter in zip(self._values[:, _ORDERS_AT:], steps, of_scatter, strict=True):
+            for orders, weight, scatter in zip(self._values[:, _ORDERS_START:], steps, scatter_weights, strict=True):
                 change = orders - mean
                 mean += weight * change
-                each = (1.0 - weight) * (each + scatter * np.square(change))
-                spreads.append(0.5 * float(each.sum()))
+                order_spreads = (1.0 - weight) * (order_spreads + scatter * np.square(change))
+                spreads.append(0.5 * float(order_spreads.sum()))
         freedoms = [1.0 - weight_square for _, weight_square, *_ in self._scalars]
         return [
             spread / freedom if freedom > 1e-12 else math.nan for spread, freedom in zip(spreads, freedoms, strict=True)
@@ -467,16 +467,16 @@ class _Steps:
 
     def _state(self, index: int) -> _State:
         # From the nearest state that is known.
-        previous = max((other for other in self._states if other < index), default=-1)
-        begin = self._states[previous] if previous >= 0 else self._before
+        previous = max((known for known in self._states if known < index), default=-1)
+        start = self._states[previous] if previous >= 0 else self._initial
         rows = slice(previous + 1, index + 1)
-        counts = self._before.order_counts + (index + 1) if self._is_even else self._order_weights[0][index]
+        counts = self._initial.order_counts + (index + 1) if self._is_even else self._order_weights[0][index]
         count, weight_square, _, noise, edges = self._scalars[index]
         values, weights = self._values[rows], self._weights[rows]
         return _State(
-            moments=begin.moments.and_then(values, weights)
+            moments=start.moments.and_then(values, weights)
             if self._measured is None
-            else begin.moments.and_then_partly(values, weights, self._measured[rows]),
+            else start.moments.and_then_partly(values, weights, self._measured[rows]),
             order_counts=counts,
             count=count,
             weight_square=weight_square,
@@ -579,7 +579,7 @@ class RunningAverage:
         count, weight_square, order_noise, edges = state.count, state.weight_square, state.order_noise, state.edges
         scalars = []
         shares = (1.0,) * len(omega_radps) if measured is None else measured
-        for omega, both, stds, sample_noise, share in zip(
+        for omega, edge_pair, stds, sample_noise, share in zip(
             omega_radps, edges_rad, edges_std_rad, noise_mps2, shares, strict=True
         ):
             count += 1
@@ -587,8 +587,8 @@ class RunningAverage:
             weight_square = (1.0 - weight) ** 2 * weight_square + weight * weight / share
             noise = sample_noise * math.sqrt(2.0 / self._n) / (omega * omega) if math.isfinite(sample_noise) else 0.0
             order_noise += weight * (noise * noise - order_noise)
-            if math.isfinite(both[0] + both[1] + stds[0] + stds[1]):
-                edges = edges.and_then(both, stds, floor)
+            if math.isfinite(edge_pair[0] + edge_pair[1] + stds[0] + stds[1]):
+                edges = edges.and_then(edge_pair, stds, floor)
             scalars.append((count, weight_square, weight, order_noise, edges))
         column = None if measured is None else np.array(measured)[:, np.newaxis]
         steps = _Steps(state, radial_mps2, orders_mps2, omega_radps, scalars, floor, column)

@@ -80,9 +80,9 @@ class AlarmLog:
 
     def take_changes(self) -> list[AlarmChange]:
         """Return the changes since the last call, all of them: notices leave out what is reported elsewhere."""
-        taken = list(self._changes)
+        changes = list(self._changes)
         self._changes.clear()
-        return taken
+        return changes
 
     def acknowledge(self, at_s: float) -> None:
         """Note that the user has seen the alarms that stand; one with another reason has to be seen again."""
@@ -97,8 +97,8 @@ class AlarmLog:
 
     def standing_at(self, position: str, at_s: float) -> tuple[Alarm, ...]:
         """Return the alarms that stood at a wheel at a time, with their reasons as last seen."""
-        of_wheel = [entry for (of, _), entry in self._entries.items() if of == position]
-        return tuple(entry.alarm for entry in of_wheel if any(begin <= at_s < end for begin, end in entry.spans()))
+        entries = [entry for (entry_position, _), entry in self._entries.items() if entry_position == position]
+        return tuple(entry.alarm for entry in entries if any(begin <= at_s < end for begin, end in entry.spans()))
 
     def records(self) -> tuple[AlarmRecord, ...]:
         """Return the history of every alarm, in the order of their first raising."""
@@ -123,31 +123,31 @@ class AlarmLog:
             covers: whether this call decides on an alarm; others stay as they are.
         """
         notices: list[Notice] = []
-        seen: set[AlarmKey] = set()
+        present_keys: set[AlarmKey] = set()
         for alarm in present:
             key = alarm.position, alarm.name
             if covers(key):
-                seen.add(key)
-                notices += self._stands(key, alarm, at_s)
+                present_keys.add(key)
+                notices += self._raise_or_remind(key, alarm, at_s)
         standing = [key for key, entry in self._entries.items() if entry.is_standing]
-        over = [key for key in standing if key not in seen and key not in hidden and covers(key)]
-        present_values = values() if over else {}
-        for key in over:
-            notices += self._is_over(key, at_s, present_values.get(key))
+        ended_keys = [key for key in standing if key not in present_keys and key not in hidden and covers(key)]
+        present_values = values() if ended_keys else {}
+        for key in ended_keys:
+            notices += self._clear(key, at_s, present_values.get(key))
         for notice in notices if self._logs else ():
             # Every view shows the notice too: standard error needs it in a verbose log only.
             level = logging.WARNING if notice.level is Level.WARNING else logging.INFO
             _logger.log(level, "%s", notice_text(notice), extra={"is_shown": True})
         return notices
 
-    def _stands(self, key: AlarmKey, alarm: Alarm, at_s: float) -> list[Notice]:
+    def _raise_or_remind(self, key: AlarmKey, alarm: Alarm, at_s: float) -> list[Notice]:
         entry = self._entries.get(key)
         if entry is None:
             entry = self._entries[key] = _Entry(alarm, at_s, at_s, at_s)
         is_new = not entry.is_standing
-        is_other = entry.alarm.reason.code is not alarm.reason.code
+        has_new_reason = entry.alarm.reason.code is not alarm.reason.code
         entry.alarm, entry.seen_s = alarm, at_s
-        if is_new or is_other:
+        if is_new or has_new_reason:
             entry.is_acknowledged = False
             self._changes.append(AlarmChange(alarm, True, at_s))
         if is_new:
@@ -161,7 +161,7 @@ class AlarmLog:
                     if was_muted
                     else self._notice(alarm, Reason(SessionCode.ALARM_COMES_AND_GOES, at_s=at_s, alarm=alarm.reason))
                 )
-        elif not is_other or entry.is_muted:
+        elif not has_new_reason or entry.is_muted:
             return self._reminder(entry, at_s)
         return self._notice(alarm, Reason(SessionCode.ALARM_RAISED, at_s=at_s, alarm=alarm.reason))
 
@@ -175,23 +175,23 @@ class AlarmLog:
         entry.reminded_s = due_s
         return self._notice(entry.alarm, Reason(SessionCode.ALARM_STANDS, at_s=at_s, alarm=entry.alarm.reason))
 
-    def _is_over(self, key: AlarmKey, at_s: float, value: Reason | None) -> list[Notice]:
+    def _clear(self, key: AlarmKey, at_s: float, value: Reason | None) -> list[Notice]:
         entry = self._entries[key]
         entry.is_standing = False
         duration_s = at_s - entry.raised_s
         entry.before_s += duration_s
         entry.past.append((entry.raised_s, at_s))
         self._changes.append(AlarmChange(entry.alarm, False, at_s, duration_s))
-        what = value or entry.alarm.reason
+        final_reason = value or entry.alarm.reason
         if entry.alarm.name in SILENCES:
             age_s = entry.alarm.reason["silence_s"]
             assert isinstance(age_s, float)
-            what = Reason(SessionCode.SENDS_AGAIN, away_s=age_s + at_s - entry.seen_s)
+            final_reason = Reason(SessionCode.SENDS_AGAIN, away_s=age_s + at_s - entry.seen_s)
         entry.seen_s = at_s
         if entry.is_muted:
             return []
-        over = Reason(SessionCode.ALARM_CLEARED, at_s=at_s, duration_s=duration_s, what=what)
-        return self._notice(entry.alarm, over, Level.INFO)
+        cleared = Reason(SessionCode.ALARM_CLEARED, at_s=at_s, duration_s=duration_s, what=final_reason)
+        return self._notice(entry.alarm, cleared, Level.INFO)
 
     @staticmethod
     def _notice(alarm: Alarm, reason: Reason, level: Level = Level.WARNING) -> list[Notice]:

@@ -52,8 +52,8 @@ REVIEW_INTERVAL_NS: Final = 100_000_000
 # A link that was never open, or that has ended as it should, is no alarm in the history.
 _NORMAL_DOWN: Final = frozenset({SessionCode.LINK_NOT_OPEN, LinkCode.LINK_ENDED})
 _BUS_SLOT_NS: Final = 50_000_000
-_OF_STREAMS: Final = frozenset({*SILENCES, AlarmName.LINK})
-_OF_STREAMS_AND_LIMITS: Final = _OF_STREAMS | THRESHOLDS
+_STREAM_ALARMS: Final = frozenset({*SILENCES, AlarmName.LINK})
+_MEASURED_ALARMS: Final = _STREAM_ALARMS | THRESHOLDS
 
 
 class AlarmWatch(ABC):
@@ -79,7 +79,7 @@ class AlarmWatch(ABC):
         self.thresholds = vehicle.thresholds if vehicle is not None else Thresholds()
         self.silence = SilenceWatch(pipeline.position, positions(vehicle).values(), self.thresholds.silent_after_s)
         self.log = AlarmLog(logs=logs)
-        self._of_witnesses = witnesses
+        self._witness_alarms = witnesses
         self._watches = wheel_watches(vehicle)
         self._pipeline = pipeline
         self._review_due_ns: dict[str, int] = {}
@@ -102,10 +102,10 @@ class AlarmWatch(ABC):
     def frames(self, link: str, block: FrameBlock, arrivals_ns: NDArray[np.int64]) -> list[Notice]:
         """Take frames of any source that is admitted, (frames,) with their arrivals; return new notices."""
         notices: list[Notice] = []
-        for heard in block.heard(arrivals_ns, SLOT_NS):
-            notices += self.advance(link, heard.arrived_ns)
-            if self._pipeline.limit.admits(link, heard.hub, heard.wheel):
-                self.silence.heard(link, heard)
+        for arrival in block.heard(arrivals_ns, SLOT_NS):
+            notices += self.advance(link, arrival.arrived_ns)
+            if self._pipeline.limit.admits(link, arrival.hub, arrival.wheel):
+                self.silence.heard(link, arrival)
         return notices
 
     def vehicle(self, item: VehicleData) -> list[Notice]:
@@ -136,7 +136,7 @@ class AlarmWatch(ABC):
         return [result for result, _ in compared]
 
     def _witnesses(self) -> tuple[Alarm, ...]:
-        return (*self._of_witnesses(), *(alarm for watch in self._watches for alarm in watch.alarms()))
+        return (*self._witness_alarms(), *(alarm for watch in self._watches for alarm in watch.alarms()))
 
     def _silent(self, wheels: Iterable[WheelSnapshot], several_links: bool) -> tuple[Alarm, ...]:
         hubs, vehicles = self.silence.silent_hubs(), self.silence.silent_vehicles()
@@ -233,8 +233,8 @@ class RecordingAlarms(AlarmWatch):
             return []
         arrivals = self._arrivals.setdefault(item.link, deque())
         # Arrivals within a slot count as one, and many wait for the frames of a hub's block.
-        is_of_slot = len(arrivals) > 1 and 0 <= host_ns - arrivals[-2][0] < _BUS_SLOT_NS
-        if is_of_slot and arrivals[-1][1] == parts:
+        is_same_slot = len(arrivals) > 1 and 0 <= host_ns - arrivals[-2][0] < _BUS_SLOT_NS
+        if is_same_slot and arrivals[-1][1] == parts:
             arrivals[-1] = host_ns, parts
         else:
             arrivals.append((host_ns, parts))
@@ -248,12 +248,12 @@ class RecordingAlarms(AlarmWatch):
 
     def advance(self, link: str, now_ns: int) -> list[Notice]:
         """Bring a link to a time before its next frame is taken, after the vehicle's data that came before it."""
-        for of_vehicle, arrivals in self._arrivals.items():
+        for vehicle_link, arrivals in self._arrivals.items():
             while arrivals and arrivals[0][0] <= now_ns:
                 host_ns, parts = arrivals.popleft()
-                super().advance(of_vehicle, host_ns)
-                self.silence.vehicle(of_vehicle, parts, host_ns)
-            super().advance(of_vehicle, now_ns)
+                super().advance(vehicle_link, host_ns)
+                self.silence.vehicle(vehicle_link, parts, host_ns)
+            super().advance(vehicle_link, now_ns)
         return super().advance(link, now_ns)
 
     def results(self, compared: Iterable[tuple[RevolutionResult, bool]]) -> list[RevolutionResult]:
@@ -310,7 +310,7 @@ class RecordingAlarms(AlarmWatch):
         wheels = self._pipeline.wheels()
         flags = [Alarm(wheel.position, flag.name, flag.reason) for wheel in wheels for flag in wheel.flags]
         flags += self._witnesses()
-        self.log.update(flags, self.silence.elapsed_s(), covers=lambda key: key[1] not in _OF_STREAMS_AND_LIMITS)
+        self.log.update(flags, self.silence.elapsed_s(), covers=lambda key: key[1] not in _MEASURED_ALARMS)
 
     def finish(self) -> tuple[AlarmRecord, ...]:
         """Return the history of every alarm, with the silences that last to the end of the recording."""
@@ -330,7 +330,7 @@ class RecordingAlarms(AlarmWatch):
         # Those of receivers beside the hubs change with a result.
         outside = {(position, AlarmName.ENVIRONMENT) for position in self._old}
         return self._update(
-            present, wheels, several_links=several, covers=lambda key: key[1] in _OF_STREAMS and key not in outside
+            present, wheels, several_links=several, covers=lambda key: key[1] in _STREAM_ALARMS and key not in outside
         )
 
     def _link_alarms(self) -> Iterator[Alarm]:
@@ -340,8 +340,8 @@ class RecordingAlarms(AlarmWatch):
 
 def silenced(wheel: WheelSnapshot, silences: tuple[Silence, ...]) -> WheelSnapshot:
     """Return a wheel with its silences; a wheel that has never had data stays without data."""
-    stops = any(silence.stops_numbers for silence in silences)
-    state = WheelState.SILENT if stops and wheel.state is not WheelState.NO_DATA else wheel.state
+    is_stopped = any(silence.stops_numbers for silence in silences)
+    state = WheelState.SILENT if is_stopped and wheel.state is not WheelState.NO_DATA else wheel.state
     return replace(wheel, state=state, silences=(*silences, *wheel.silences))
 
 

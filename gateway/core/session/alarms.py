@@ -42,7 +42,7 @@ RECORDING: Final = "recording"
 # Time to react to a disk that fills up, and the time with which its alarm is over again.
 _DISK_SHORT_S: Final = 600.0
 _DISK_ENOUGH_S: Final = 900.0
-_DISK_LEAST_BYTES: Final = 50_000_000
+_DISK_MIN_BYTES: Final = 50_000_000
 
 
 class AlarmName(StrEnum):
@@ -92,10 +92,10 @@ def alarms(
         sensor_ids: configured sensors, hex text by position.
         standing: alarms that stood before, with the codes of their reasons.
     """
-    of_wheels = [alarm for wheel in wheels for alarm in _wheel_alarms(wheel, thresholds, standing)]
+    wheel_alarms = [alarm for wheel in wheels for alarm in _wheel_alarms(wheel, thresholds, standing)]
     misplaced = _misplaced_sensors(wheels, sensor_ids or {})
-    of_links = [alarm for link in links for alarm in _link_alarms(link, thresholds, standing)]
-    return (*of_wheels, *misplaced, *of_links)
+    link_alarms = [alarm for link in links for alarm in _link_alarms(link, thresholds, standing)]
+    return (*wheel_alarms, *misplaced, *link_alarms)
 
 
 def silent_alarms(
@@ -165,7 +165,7 @@ def disk_alarm(room: DiskRoom | None, standing: Mapping[AlarmKey, Code] = NONE_S
             AlarmName.DISK,
             Reason(SessionCode.DISK_SPACE, lasts="minutes", free_bytes=room.free_bytes, left_s=room.left_s),
         )
-    elif room.left_s is None and room.free_bytes < _DISK_LEAST_BYTES:
+    elif room.left_s is None and room.free_bytes < _DISK_MIN_BYTES:
         yield Alarm(
             RECORDING, AlarmName.DISK, Reason(SessionCode.DISK_SPACE, lasts="little", free_bytes=room.free_bytes)
         )
@@ -180,8 +180,8 @@ def superseded(
 ) -> frozenset[AlarmKey]:
     """Return the alarms that a wider silence hides: nothing new is known of them, so they are not over."""
     hubs = tuple(hubs_of_down_links)
-    of_down_links = (*_hub_alarms(hubs, several_links), *_vehicle_alarms(vehicles_of_down_links))
-    hidden = {(alarm.position, alarm.name) for alarm in of_down_links}
+    wide_alarms = (*_hub_alarms(hubs, several_links), *_vehicle_alarms(vehicles_of_down_links))
+    hidden = {(alarm.position, alarm.name) for alarm in wide_alarms}
     hidden |= {(position, name) for hub in hubs for position in hub.positions for name in SILENCES}
     for wheel in wheels:
         silence = wheel.silence
@@ -223,8 +223,8 @@ class _Limit(NamedTuple, Generic[_Of]):
         code = SessionCode.VALUE_BELOW_LIMIT if self.is_lower else SessionCode.VALUE_ABOVE_LIMIT
         reason = Reason(code, quantity=self.quantity, value=value, limit=limit)
         margin = _MARGIN * abs(limit) if stood is reason.code else 0.0
-        over = limit - value if self.is_lower else value - limit
-        return reason if over > -margin else None
+        excess = limit - value if self.is_lower else value - limit
+        return reason if excess > -margin else None
 
 
 def _speed_mps(wheel: WheelSnapshot) -> float | None:
@@ -299,32 +299,32 @@ def present_values(
     wheels: Iterable[WheelSnapshot], links: Iterable[LinkSnapshot], limits: Thresholds
 ) -> dict[AlarmKey, Reason]:
     """Return the present value of each threshold, by the alarm that it would raise."""
-    of_wheels = ((wheel.position, wheel, _WHEEL_LIMITS) for wheel in wheels)
-    of_links = ((link.link, link, _LINK_LIMITS) for link in links)
-    return {**_present(of_wheels, limits), **_present(of_links, limits)}
+    wheel_sources = ((wheel.position, wheel, _WHEEL_LIMITS) for wheel in wheels)
+    link_sources = ((link.link, link, _LINK_LIMITS) for link in links)
+    return {**_present(wheel_sources, limits), **_present(link_sources, limits)}
 
 
 def _present(sources: Iterable[tuple[str, _Of, Iterable[_Limit[_Of]]]], limits: Thresholds) -> dict[AlarmKey, Reason]:
     return {
         (position, kind.name): Reason(SessionCode.VALUE_NOW, quantity=kind.quantity, value=value)
-        for position, of, kinds in sources
-        for kind, value, _ in _known(of, kinds, limits)
+        for position, item, kinds in sources
+        for kind, value, _ in _known(item, kinds, limits)
     }
 
 
-def _known(of: _Of, kinds: Iterable[_Limit[_Of]], limits: Thresholds) -> Iterator[tuple[_Limit[_Of], float, float]]:
+def _known(item: _Of, kinds: Iterable[_Limit[_Of]], limits: Thresholds) -> Iterator[tuple[_Limit[_Of], float, float]]:
     """Yield the stated thresholds of a wheel or link whose values are known, with value and limit."""
     for kind in kinds:
         limit = kind.stated(limits)
-        value = kind.value(of) if limit is not None else None
+        value = kind.value(item) if limit is not None else None
         if limit is not None and value is not None:
             yield kind, value, limit
 
 
 def _crossed(
-    position: str, of: _Of, kinds: Iterable[_Limit[_Of]], limits: Thresholds, standing: Mapping[AlarmKey, Code]
+    position: str, item: _Of, kinds: Iterable[_Limit[_Of]], limits: Thresholds, standing: Mapping[AlarmKey, Code]
 ) -> Iterator[Alarm]:
-    for kind, value, limit in _known(of, kinds, limits):
+    for kind, value, limit in _known(item, kinds, limits):
         reason = kind.crossed(value, limit, standing.get((position, kind.name)))
         if reason is not None:
             yield Alarm(position, kind.name, reason)

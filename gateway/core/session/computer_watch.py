@@ -26,7 +26,7 @@ class ComputerWatch:
         self._clock = clock
         self._ahead_ns = self._jumped_ns = 0
         self._last = clock.computer()
-        self._told_ns = self._last.now_ns
+        self._reported_ns = self._last.now_ns
 
     def events(self) -> list[LinkEvent]:
         """Return what happened since the last call, by the thread that calls several times a second.
@@ -35,21 +35,21 @@ class ComputerWatch:
         its virtual machine was stopped. While it was suspended, the time of the session stood still.
         """
         last, self._last = self._last, self._clock.computer()
-        passed_ns = self._last.now_ns - last.now_ns - (self._last.worked_ns - last.worked_ns)
+        stalled_ns = self._last.now_ns - last.now_ns - (self._last.worked_ns - last.worked_ns)
         suspended_ns = self._last.suspended_ns - last.suspended_ns
         details = []
-        if passed_ns >= _PAUSE_NS:
-            details.append(Reason(LinkCode.COMPUTER_PAUSED, paused_s=passed_ns * 1e-9))
+        if stalled_ns >= _PAUSE_NS:
+            details.append(Reason(LinkCode.COMPUTER_PAUSED, paused_s=stalled_ns * 1e-9))
         if suspended_ns >= _PAUSE_NS:
             details.append(Reason(LinkCode.COMPUTER_SUSPENDED, suspended_s=suspended_ns * 1e-9))
-        moved_ns = self._last.ahead_ns - last.ahead_ns
-        if abs(moved_ns) > _FASTEST_SLEW * (self._last.now_ns - last.now_ns) + _READING_NS:
-            self._jumped_ns += moved_ns
+        change_ns = self._last.ahead_ns - last.ahead_ns
+        if abs(change_ns) > _FASTEST_SLEW * (self._last.now_ns - last.now_ns) + _READING_NS:
+            self._jumped_ns += change_ns
         step_ns = self._last.ahead_ns - self._ahead_ns
         if abs(step_ns) >= _STEP_NS:
-            span_ns = self._last.now_ns - self._told_ns
+            span_ns = self._last.now_ns - self._reported_ns
             is_slewed = abs(self._jumped_ns) < 0.5 * abs(step_ns)
-            self._ahead_ns, self._jumped_ns, self._told_ns = self._last.ahead_ns, 0, self._last.now_ns
+            self._ahead_ns, self._jumped_ns, self._reported_ns = self._last.ahead_ns, 0, self._last.now_ns
             step = {"step_s": step_ns * 1e-9, "ahead_s": self._ahead_ns * 1e-9}
             details.append(
                 Reason(LinkCode.SYSTEM_TIME_SLEWED, span_s=span_ns * 1e-9, **step)

@@ -58,7 +58,7 @@ SHOWN_NOTICES: Final = 20
 _WAITING_NOTICES: Final = 8192
 # Frames wait for the next ones for so long where nothing can be decided by them, and not more of them.
 _GATHERED_NS: Final = 20_000_000
-_MOST_WAITING: Final = 256
+_MAX_WAITING: Final = 256
 # A link that is silent for this long brings no samples for which its last revolutions could wait.
 _SILENT_NS: Final = 400_000_000
 
@@ -170,16 +170,16 @@ class SessionCore:
 
     def take_notices(self) -> list[Notice]:
         """Return the notices since the last call, those of the start first."""
-        taken = list(self._new_notices)
+        notices = list(self._new_notices)
         self._new_notices.clear()
-        return taken
+        return notices
 
     def take_alarm_changes(self) -> list[AlarmChange]:
         """Return the alarms that were raised, acknowledged or are over since the last call."""
         self._record_alarm_changes()
-        taken = list(self._alarm_changes)
+        changes = list(self._alarm_changes)
         self._alarm_changes.clear()
-        return taken
+        return changes
 
     def acknowledge_alarms(self) -> None:
         """Note that the user has seen the alarms that stand."""
@@ -304,7 +304,7 @@ class SessionCore:
         """Let frames wait for the next ones, or take them with those that wait: few at a time take more work."""
         link.waiting += frames
         link.arrivals_ns += [host_ns] * len(frames)
-        if not frames or (0 <= host_ns - link.arrivals_ns[0] < self._gathered_ns and len(link.waiting) < _MOST_WAITING):
+        if not frames or (0 <= host_ns - link.arrivals_ns[0] < self._gathered_ns and len(link.waiting) < _MAX_WAITING):
             is_needed = any(frame.type != MessageType.SAMPLES for frame in frames)
             if not is_needed and (self.latency.gather_s or not self._pipeline.can_decide(name, frames)):
                 return []
@@ -340,8 +340,8 @@ class SessionCore:
             state.status = message
         else:
             hub = hub_name(frame.hub) if len(self._links) == 1 else f"{name}, {hub_name(frame.hub)}"
-            for shown in state.hub_log.take(hub, message, host_ns):
-                self.notify(shown)
+            for notice in state.hub_log.take(hub, message, host_ns):
+                self.notify(notice)
         self.recording.message(frame, self._pipeline.position(name, frame.hub, frame.wheel), name, host_ns)
 
     def _deliver(self, results: list[RevolutionResult], host_ns: int) -> list[RevolutionResult]:
@@ -468,8 +468,8 @@ class SessionCore:
         yield from self._pipeline.pairs.alarms()
         yield from sink_alarms(self._sinks)
         yield from disk_alarm(self._disk, self._alarms.log.standing())
-        of_recording = {RECORDING: self.recording.stopped} if self.recording.stopped is not None else {}
-        for name, reason in {**of_recording, **self._stopped}.items():
+        recording_faults = {RECORDING: self.recording.stopped} if self.recording.stopped is not None else {}
+        for name, reason in {**recording_faults, **self._stopped}.items():
             yield Alarm(name, AlarmName.STOPPED, reason)
 
     def _link_snapshot(self, name: str, link: _Link) -> LinkSnapshot:

@@ -56,9 +56,9 @@ def _running(thread: threading.Thread) -> tuple[str, FrameType | None]:
     """Return the name of the estimator that a thread is in, and the frame of its call; without one, of the session."""
     frame = sys._current_frames().get(thread.ident or 0)
     while frame is not None:
-        of = frame.f_locals.get("self")
-        is_call = isinstance(of, PluginEstimator) or frame.f_code.co_name in _CALLS
-        name = getattr(of, "name", None)
+        owner = frame.f_locals.get("self")
+        is_call = isinstance(owner, PluginEstimator) or frame.f_code.co_name in _CALLS
+        name = getattr(owner, "name", None)
         if is_call and name in estimator_names():
             return f"estimator {name}", frame
         frame = frame.f_back

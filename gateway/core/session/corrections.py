@@ -48,7 +48,7 @@ def check_effects(tables: Sequence[CorrectionTable], vehicle: VehicleConfig | No
         ConfigError: there is no such wheel, two tables are of one wheel, or its radius, mounting or sensor differs.
     """
     wheels = {wheel.position: wheel for wheel in vehicle.wheel} if vehicle is not None else {}
-    seen: set[str] = set()
+    positions: set[str] = set()
     for table in tables:
         name = table.position
         if vehicle is None or name not in wheels:
@@ -57,9 +57,9 @@ def check_effects(tables: Sequence[CorrectionTable], vehicle: VehicleConfig | No
                 f"the effects belong to wheel {name}, but {configured}",
                 "Give the configuration of the diagnosis with --config.",
             )
-        if name in seen:
+        if name in positions:
             raise ConfigError(f"two effects files belong to wheel {name}", "Give one file per wheel.")
-        seen.add(name)
+        positions.add(name)
         for difference in _differences(table, vehicle):
             if difference.code in _REFUSED:
                 raise ConfigError(

@@ -11,7 +11,7 @@ from gateway.core.reasons import Notice, Reason
 from gateway.core.session.reasons import SessionCode
 
 _WINDOW_NS: Final = 60_000_000_000
-_LEAST_NS: Final = 10_000_000_000
+_MIN_SPAN_NS: Final = 10_000_000_000
 
 
 class DiskWatch:
@@ -28,7 +28,7 @@ class DiskWatch:
         self._folder = folder
         self._size_bytes = size_bytes
         self._most_bytes = most_bytes
-        self._seen: deque[tuple[int, int, int]] = deque()
+        self._history: deque[tuple[int, int, int]] = deque()
 
     def room(self, now_ns: int) -> DiskRoom | None:
         """Return what is left, None where the system does not say.
@@ -40,15 +40,15 @@ class DiskWatch:
         except OSError:
             return None
         size = self._size_bytes()
-        self._seen.append((now_ns, size, free))
-        while now_ns - self._seen[0][0] > _WINDOW_NS:
-            self._seen.popleft()
-        then_ns, size_then, free_then = self._seen[0]
+        self._history.append((now_ns, size, free))
+        while now_ns - self._history[0][0] > _WINDOW_NS:
+            self._history.popleft()
+        then_ns, size_then, free_then = self._history[0]
         used = max(size - size_then, free_then - free)
-        if now_ns - then_ns < _LEAST_NS or used <= 0:
+        if now_ns - then_ns < _MIN_SPAN_NS or used <= 0:
             return DiskRoom(free, None)
-        most = self._most_bytes()
-        if most is not None and most - size < free and free_then - free <= max(size - size_then, 0):
+        max_bytes = self._most_bytes()
+        if max_bytes is not None and max_bytes - size < free and free_then - free <= max(size - size_then, 0):
             return DiskRoom(free, None)
         return DiskRoom(free, free * (now_ns - then_ns) * 1e-9 / used)
 

@@ -19,7 +19,7 @@ class HubLog:
         self._link = link
         self._begin_ns = 0
         self._lines = 0
-        self._left_out = 0
+        self._omitted_lines = 0
 
     def take(self, hub: str, message: Message, host_ns: int) -> list[Notice]:
         """Return what may be shown now of a message of a hub: a line of its log, or why it has refused a command."""
@@ -30,13 +30,13 @@ class HubLog:
             notice = Notice(hub, refused, Level.WARNING)
         else:
             return []
-        shown = self.tick(host_ns)
+        notices = self.tick(host_ns)
         if self._lines < LINES_PER_S:
             self._lines += 1
-            shown.append(notice)
+            notices.append(notice)
         else:
-            self._left_out += 1
-        return shown
+            self._omitted_lines += 1
+        return notices
 
     def tick(self, host_ns: int) -> list[Notice]:
         """Begin a new second when the last one is over; return the report of the lines left out in it."""
@@ -49,7 +49,7 @@ class HubLog:
 
     def finish(self) -> list[Notice]:
         """Return the report of the lines left out since the last one."""
-        count, self._left_out = self._left_out, 0
+        count, self._omitted_lines = self._omitted_lines, 0
         return [Notice(self._link, Reason(SessionCode.HUB_LOG_LEFT_OUT, count=count), Level.WARNING)] if count else []
 
 

@@ -6,9 +6,9 @@ from typing import Final
 from gateway.core.constants import LONGEST_LATENCY_S
 
 # A link is read this often at most: a smaller chunk costs as much as a larger one.
-_LEAST_READ_S: Final = 0.004
-_MOST_READ_S: Final = 0.02
-_MOST_ROUND_S: Final = 0.1
+_MIN_READ_S: Final = 0.004
+_MAX_READ_S: Final = 0.02
+_MAX_ROUND_S: Final = 0.1
 # Shares of the latency. The rest is for the work.
 _READ_SHARE: Final = 0.12
 _ROUND_SHARE: Final = 0.12
@@ -39,12 +39,12 @@ class Latency:
     @property
     def read_s(self) -> float:
         """Time between two reads of a link, s."""
-        return min(max(_READ_SHARE * self.longest_s, _LEAST_READ_S), _MOST_READ_S)
+        return min(max(_READ_SHARE * self.longest_s, _MIN_READ_S), _MAX_READ_S)
 
     @property
     def round_s(self) -> float:
         """Longest time that chunks wait for the next ones, s; 0 where each is taken at once."""
-        return min(_ROUND_SHARE * self.longest_s, _MOST_ROUND_S)
+        return min(_ROUND_SHARE * self.longest_s, _MAX_ROUND_S)
 
     @property
     def gather_s(self) -> float:

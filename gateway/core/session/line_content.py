@@ -61,5 +61,5 @@ def _first_line(sample: bytes) -> str:
     # An unknown device must not reach the terminal with more than a few printable characters.
     lines = [line.strip() for line in sample.decode("ascii", "replace").splitlines()]
     line = next((line for line in lines[1:] if line), lines[0] if lines else "")
-    shown = "".join(character for character in line if " " <= character <= "~")
-    return shown if len(shown) <= _QUOTED_CHARACTERS else shown[:_QUOTED_CHARACTERS] + "..."
+    printable = "".join(character for character in line if " " <= character <= "~")
+    return printable if len(printable) <= _QUOTED_CHARACTERS else printable[:_QUOTED_CHARACTERS] + "..."

@@ -111,9 +111,9 @@ class LinkHealth:
         assert isinstance(hello, Hello)
         self._ungreeted_ns[(frame.hub, frame.wheel)] = None
         notices: list[Notice] = []
-        before = self._boot_counts.get(frame.hub)
+        previous_count = self._boot_counts.get(frame.hub)
         self._boot_counts[frame.hub] = hello.boot_count
-        if before is not None and before != hello.boot_count:
+        if previous_count is not None and previous_count != hello.boot_count:
             notices += self._restarted(frame.hub, hello.boot_count, host_ns)
         if (hello.protocol_major, hello.protocol_minor) > (wire.VERSION_MAJOR, wire.VERSION_MINOR):
             version = f"{hello.protocol_major}.{hello.protocol_minor}"
@@ -127,10 +127,10 @@ class LinkHealth:
 
     def tick(self, now_ns: int) -> list[Notice]:
         """Return new notices of a link that is open but silent, before a hub is known to be on it."""
-        seen, since_ns = self._last_change
-        if seen != self._bytes or since_ns == 0:
+        last_bytes, since_ns = self._last_change
+        if last_bytes != self._bytes or since_ns == 0:
             self._last_change = (self._bytes, now_ns)
-            if seen != self._bytes and self._ended(SessionCode.LINK_SILENT, SessionCode.LINK_NO_DATA_YET):
+            if last_bytes != self._bytes and self._ended(SessionCode.LINK_SILENT, SessionCode.LINK_NO_DATA_YET):
                 return [Notice(self._link, Reason(SessionCode.LINK_RESUMED))]
             return []
         if now_ns - since_ns < _SILENCE_NS or self._has_hub:
@@ -151,9 +151,9 @@ class LinkHealth:
         if len(self._sample) < _SAMPLE_BYTES:
             self._sample += data[:_SAMPLE_BYTES]
         self._barren_bytes += len(data)
-        long = host_ns - self._barren_since_ns >= _BARREN_NS and self._barren_bytes >= _BARREN_BYTES
+        is_long = host_ns - self._barren_since_ns >= _BARREN_NS and self._barren_bytes >= _BARREN_BYTES
         is_known = self._is_reported(SessionCode.NO_FRAMES) or self._is_reported(SessionCode.NO_FRAMES_ANY_MORE)
-        if is_known or (not long and self._barren_bytes < _BARREN_BYTES_AT_ONCE):
+        if is_known or (not is_long and self._barren_bytes < _BARREN_BYTES_AT_ONCE):
             return []
         content = identify_content(self._link, self._sample)
         if counters.intact:

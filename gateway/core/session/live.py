@@ -129,7 +129,7 @@ class LiveSession:
         self._pause_began_ns: int | None = None
         # Source of each link; a recording has several.
         self._source_of: dict[str, int] = {source.link: number for number, source in enumerate(self._sources)}
-        self._taken_ns: dict[int, int] = {}
+        self._latest_ns: dict[int, int] = {}
         self._lateness = LatenessWatch()
         recorder, self._open_recorder, self._run_description = recordings
         self._recording = None if recorder is None else RecordingStage(recorder, clock, disk_watch_of(recorder))
@@ -174,15 +174,15 @@ class LiveSession:
     def mark(self, text: str) -> bool:
         """Mark an event in the recording, with the present time; return whether one is written, which keeps it."""
         recording = self._recording
-        is_kept = recording is not None and recording.is_writing
-        details = () if is_kept else (Reason(LinkCode.MARK_NOT_KEPT),)
+        is_recorded = recording is not None and recording.is_writing
+        details = () if is_recorded else (Reason(LinkCode.MARK_NOT_KEPT),)
         event = LinkEvent("user", self._clock.now_ns(), LinkEventKind.MARK, text, details=details)
         if self._done.is_set():  # nobody takes it any more
             notices = (*self._snapshot.notices, Notice("", event.reason))
             self._snapshot = replace(self._snapshot, notices=notices[-SHOWN_NOTICES:])
         else:
             self._offer(event, False, self._dropped[self._sources[0].link])
-        return is_kept
+        return is_recorded
 
     @property
     def may_record(self) -> bool:
@@ -259,11 +259,11 @@ class LiveSession:
         """Return the results since the last call."""
         if not self._done.is_set():
             self._has_results.clear()
-        return _taken(self._results)
+        return _drain(self._results)
 
     def notices(self) -> list[Notice]:
         """Return the notices since the last call."""
-        return _taken(self._notices)
+        return _drain(self._notices)
 
     def acknowledge(self) -> None:
         """Note that the user has seen the alarms that stand, at the session's next look."""
@@ -438,7 +438,7 @@ class LiveSession:
 
     def _watch_core(self) -> None:
         """Name what keeps the core; end the session without it where it is asked to end, or nothing else comes."""
-        name, shown_s, watch = "", 0.0, self._watch
+        name, reported_s, watch = "", 0.0, self._watch
         while not self._done.wait(LOOK_S):
             if not self._core_thread.is_alive():
                 self._save_recording()
@@ -448,13 +448,13 @@ class LiveSession:
             is_stuck = watch.look(self._rounds) and not (recording is not None and recording.ending)
             self._is_given_up = is_stuck and watch.stuck_s >= _GIVEN_UP_S
             if not is_stuck:
-                if shown_s:
-                    self._notices.append(Notice(name, Reason(SessionCode.CORE_GOES_ON, stuck_s=shown_s)))
-                shown_s = 0.0
+                if reported_s:
+                    self._notices.append(Notice(name, Reason(SessionCode.CORE_GOES_ON, stuck_s=reported_s)))
+                reported_s = 0.0
                 continue
-            if not shown_s:
+            if not reported_s:
                 self._notices.append(Notice(watch.name, watch.reason, Level.ERROR))
-            name, shown_s = watch.name, watch.stuck_s
+            name, reported_s = watch.name, watch.stuck_s
             self._show_stuck()
             is_idle = self._is_given_up and not any(reader.is_alive() for reader in self._readers)
             if self._stop.is_set() or is_idle:
@@ -501,7 +501,7 @@ class LiveSession:
         """Keep the time of the latest item of each source; a mark has the time of the clock."""
         number = self._source_of.get(item.link)
         if number is not None and not (isinstance(item, LinkEvent) and not item.is_of_link):
-            self._taken_ns[number] = item.host_ns
+            self._latest_ns[number] = item.host_ns
 
     def _note_lateness(self, item: LinkItem) -> None:
         """Take note of how late items of a device are, and report it; what can wait for this computer never is."""
@@ -536,7 +536,7 @@ class LiveSession:
         playbacks = {} if self._items else self._playbacks()
         times: dict[str, int] = {}
         for link, number in list(self._source_of.items()):
-            time_ns = self._taken_ns.get(number)
+            time_ns = self._latest_ns.get(number)
             if number in playbacks:
                 time_ns = playbacks[number].now_ns() or time_ns
             elif not self._patient[number] and not self._items:
@@ -578,10 +578,10 @@ class LiveSession:
             self._publication.show(self._snapshot, self.core.newest_ns)
 
 
-def _taken(items: deque[_Item]) -> list[_Item]:
+def _drain(items: deque[_Item]) -> list[_Item]:
     """Empty a queue that another thread may be filling; return its items."""
-    taken: list[_Item] = []
+    drained: list[_Item] = []
     # The other thread only adds: a full queue loses its oldest item, but is never empty after that.
     while items:
-        taken.append(items.popleft())
-    return taken
+        drained.append(items.popleft())
+    return drained

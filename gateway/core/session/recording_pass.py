@@ -196,8 +196,8 @@ class RecordingPass:
             if self._on_block is not None:
                 self._on_block(link, batch, arrivals_ns)
             first_ns, last_ns = int(arrivals_ns.min()), int(arrivals_ns.max())
-            before = self.span_ns or (first_ns, last_ns)
-            self.span_ns = min(first_ns, before[0]), max(last_ns, before[1])
+            previous_ns = self.span_ns or (first_ns, last_ns)
+            self.span_ns = min(first_ns, previous_ns[0]), max(last_ns, previous_ns[1])
             yield from blocks_of(self._path.watched(link, batch, arrivals_ns, lambda _: None))
         yield from blocks_of(self._path.compared(self._path.finish()))
         self.wheels = self._path.wheels()

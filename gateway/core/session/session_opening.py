@@ -39,14 +39,14 @@ def stated_run(vehicle: VehicleConfig | None, statement: RunDescription) -> RunD
     check_tires(vehicle, statement)
     table = vehicle.test
     tires = {wheel.position: _identity(vehicle.tire_of(wheel)) for wheel in vehicle.wheel}
-    stated = RunDescription(
+    description = RunDescription(
         table.name or "",
         table.driver or "",
         table.comment or "",
         table.tags or (),
         {position: tire for position, tire in tires.items() if tire != TireIdentity()},
     )
-    return stated.overridden_by(statement)
+    return description.overridden_by(statement)
 
 
 def check_tires(vehicle: VehicleConfig | None, run: RunDescription) -> None:
@@ -172,7 +172,7 @@ def open_session(
         sources += [_opened_source(uri, clock, settings.latency_s) for uri in uris]
         opened = tuple(sources)
         vehicle = with_given_wear(choose([source.vehicle_toml for source in sources]), settings.run)
-        stated = stated_run(vehicle, settings.run)
+        run = stated_run(vehicle, settings.run)
         effects = open_effects(settings.effects_paths, vehicle)
         # Files and simulations repeat frames, so they neither check nor advance the counters against replay.
         guard = open_guard(vehicle, settings.key_file, remembers=all(map(is_live, uris)))
@@ -180,10 +180,10 @@ def open_session(
         signals, dbc_text = _opened_signals(vehicle, settings.config_path, sources, is_replay)
         links = commanded_links(sources, clock, settings.key_file, guard)
         sources = list(links.sources)
-        open_recorder = partial(_open_recorder, clock=clock, vehicle=vehicle, uris=uris, dbc_text=dbc_text, run=stated)
+        open_recorder = partial(_open_recorder, clock=clock, vehicle=vehicle, uris=uris, dbc_text=dbc_text, run=run)
         recorder = open_recorder(record, settings.split) if record is not None else None
 
-        def begun(described: RunDescription) -> RecordingWriter | SplitWriter:
+        def open_described(described: RunDescription) -> RecordingWriter | SplitWriter:
             check_tires(vehicle, described)
             return open_recorder(_folder_of(record), None, run=described)
 
@@ -200,7 +200,7 @@ def open_session(
             core,
             clock,
             patient=[not is_live(uri) for uri in uris],
-            recordings=Recordings(recorder, None if all(is_replay) else begun, stated),
+            recordings=Recordings(recorder, None if all(is_replay) else open_described, run),
             publication=publish([wheel.position for wheel in vehicle.wheel] if vehicle is not None else []),
             control=links.serve(),
             supervisor=supervisor,
@@ -230,9 +230,9 @@ def _opened_signals(
 ) -> tuple[VehicleSignals, str | None]:
     """Return the decoder of the vehicle's bus, and the DBC file that the recording stores."""
     texts = [getattr(source, "dbc_text", None) for source in sources]
-    stated = [text for text, recorded in zip(texts, is_replay, strict=True) if not recorded]
-    recorded_texts = [text for text in texts if text not in stated]
-    signals = open_vehicle_signals(vehicle, config_path, stated=stated, recorded=recorded_texts)
+    stated_texts = [text for text, recorded in zip(texts, is_replay, strict=True) if not recorded]
+    recorded_texts = [text for text in texts if text not in stated_texts]
+    signals = open_vehicle_signals(vehicle, config_path, stated=stated_texts, recorded=recorded_texts)
     return signals, signals.dbc_text or next(filter(None, texts), None)
 
 

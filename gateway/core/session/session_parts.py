@@ -214,8 +214,8 @@ def open_tire_sensors(vehicle: VehicleConfig | None) -> TireSensors:
 
 def open_shared_turn(vehicle: VehicleConfig | None) -> TurnComparison:
     """Return a new comparison of the turn rates of a vehicle's wheels."""
-    turns: TurnComparison = _part(_SHARED_TURN)(vehicle.tracks_m() if vehicle is not None else {})
-    return turns
+    comparison: TurnComparison = _part(_SHARED_TURN)(vehicle.tracks_m() if vehicle is not None else {})
+    return comparison
 
 
 def output_files(uris: Sequence[str]) -> list[Path]:

@@ -30,7 +30,7 @@ SLOT_NS: Final = 100_000_000
 """Arrivals within one slot count as one, so that a link that delivers in bursts has the pace of its bursts."""
 # The usual interval is the median of this many intervals; missing ones count as the expected interval.
 _INTERVALS: Final = 15
-_FEWEST_INTERVALS: Final = 5
+_MIN_INTERVALS: Final = 5
 # Frames of different links arrive in almost the order of their times; a larger step back is a clock that was set.
 _SET_BACK_NS: Final = 5_000_000_000
 _NEVER_NS: Final = 1 << 63
@@ -83,20 +83,20 @@ _SILENT_PARTS: Final = {
     VehiclePart.RECEIVER: SessionCode.RECEIVER_SILENT,
     VehiclePart.POSITION: SessionCode.POSITION_MISSING,
 }
-_WHOLE_LINK: Final = (VehiclePart.BUS, VehiclePart.RECEIVER)
-_NOTHING: Final = frozenset[VehiclePart]()
-_OF_BUS: Final = frozenset({VehiclePart.BUS})
-_OF_RECEIVER: Final = frozenset({VehiclePart.RECEIVER})
-_OF_POSITION: Final = frozenset({VehiclePart.RECEIVER, VehiclePart.POSITION})
+_LINK_PARTS: Final = (VehiclePart.BUS, VehiclePart.RECEIVER)
+_NO_PARTS: Final = frozenset[VehiclePart]()
+_BUS_PARTS: Final = frozenset({VehiclePart.BUS})
+_RECEIVER_PARTS: Final = frozenset({VehiclePart.RECEIVER})
+_POSITION_PARTS: Final = frozenset({VehiclePart.RECEIVER, VehiclePart.POSITION})
 
 
 def parts_heard(item: VehicleData) -> frozenset[VehiclePart]:
     """Return which parts an item is a sign of life of: errors of a bus are none, nor sentences without a position."""
     if isinstance(item, BusFrames):
-        return _OF_BUS if has_frames(item.data) else _NOTHING
+        return _BUS_PARTS if has_frames(item.data) else _NO_PARTS
     if isinstance(item, SensorLines):
-        return _NOTHING  # parked cars are silent
-    return _OF_POSITION if has_position(item.data) else _OF_RECEIVER
+        return _NO_PARTS  # parked cars are silent
+    return _POSITION_PARTS if has_position(item.data) else _RECEIVER_PARTS
 
 
 class _Stream:
@@ -133,9 +133,9 @@ class _Stream:
         return self.counted_from_ns + self.limit_ns
 
     def _limit_ns(self) -> int:
-        missing = max(0, _FEWEST_INTERVALS - len(self._intervals))
-        ordered = sorted([*self._intervals, *[round(self._limit.expected_s * _S)] * missing])
-        return max(round(self._limit.least_s * _S), round(self._limit.intervals * ordered[len(ordered) // 2]))
+        missing_count = max(0, _MIN_INTERVALS - len(self._intervals))
+        intervals_ns = sorted([*self._intervals, *[round(self._limit.expected_s * _S)] * missing_count])
+        return max(round(self._limit.least_s * _S), round(self._limit.intervals * intervals_ns[len(intervals_ns) // 2]))
 
 
 class _Sensor:
@@ -251,13 +251,13 @@ class _Hub:
         return max([*times, *([self.stream.last_ns] if self.stream is not None else [])])
 
     def is_silent(self, now_ns: int) -> bool:
-        speaks = self.stream is not None and now_ns < self.stream.due_ns
-        return not speaks and all(sensor.is_silent(now_ns) for sensor in self.sensors.values())
+        is_sending = self.stream is not None and now_ns < self.stream.due_ns
+        return not is_sending and all(sensor.is_silent(now_ns) for sensor in self.sensors.values())
 
     def others_ns(self, sensor: _Sensor) -> int:
         """Return the time of the last frame that is not of `sensor`."""
-        own_ns = self.stream.last_ns if self.stream is not None else 0
-        return max([own_ns, *(other.last_ns for other in self.sensors.values() if other is not sensor)])
+        stream_ns = self.stream.last_ns if self.stream is not None else 0
+        return max([stream_ns, *(neighbour.last_ns for neighbour in self.sensors.values() if neighbour is not sensor)])
 
     def due_ns(self) -> Iterator[int]:
         if self.stream is not None:
@@ -401,13 +401,13 @@ class SilenceWatch:
             return
         link = self._brought(name, host_ns)
         # A receiver that is heard is to have a position.
-        begun = _OF_POSITION if VehiclePart.RECEIVER in parts else parts
-        if not begun <= link.vehicle.keys():
-            heard = link.vehicle
+        expected_parts = _POSITION_PARTS if VehiclePart.RECEIVER in parts else parts
+        if not expected_parts <= link.vehicle.keys():
+            streams = link.vehicle
             link.vehicle = {
-                part: heard.get(part) or _Stream(LIMITS["vehicle"], host_ns)
+                part: streams.get(part) or _Stream(LIMITS["vehicle"], host_ns)
                 for part in VehiclePart
-                if part in begun or part in heard
+                if part in expected_parts or part in streams
             }
         for part in parts:
             link.vehicle[part].arrived(host_ns)
@@ -435,9 +435,9 @@ class SilenceWatch:
     @staticmethod
     def _next_change_ns(state: _Link) -> int | None:
         first_ns = state.begin_ns + round(LIMITS["first"].least_s * _S)
-        due_ns = [first_ns, *(due for hub in state.hubs.values() for due in hub.due_ns())]
+        due_ns = [first_ns, *(time_ns for hub in state.hubs.values() for time_ns in hub.due_ns())]
         due_ns += [stream.due_ns for stream in state.vehicle.values()]
-        return min((due for due in due_ns if due > state.now_ns), default=None)
+        return min((time_ns for time_ns in due_ns if time_ns > state.now_ns), default=None)
 
     def links(self) -> tuple[str, ...]:
         """Return the names of the links."""
@@ -476,12 +476,12 @@ class SilenceWatch:
     def of_wheels(self) -> dict[str, tuple[Silence, ...]]:
         """Return the silences of each wheel, the widest first; wheels without any are left out."""
         by_position: dict[str, tuple[Silence, ...]] = {}
-        heard: set[str] = set()
+        known_positions: set[str] = set()
         for name, link in self._links.items():
             for number, hub in link.hubs.items():
                 for wheel, sensor in hub.sensors.items():
                     position = self._position_of(name, number, wheel)
-                    heard.add(position)
+                    known_positions.add(position)
                     silences = tuple(_silences(link, hub, sensor))
                     if silences:
                         by_position[position] = silences
@@ -490,7 +490,7 @@ class SilenceWatch:
         if is_open and waited_s >= LIMITS["first"].least_s:
             reason = Reason(SessionCode.SENSOR_NEVER_HEARD, silence_s=waited_s)
             for position in self._configured:
-                if position not in heard:
+                if position not in known_positions:
                     by_position[position] = (Silence(SilentPart.SENSOR, waited_s, reason),)
         return by_position
 
@@ -525,7 +525,7 @@ class SilenceWatch:
             return None
         hubs = state.hubs.values()
         is_silent = bool(hubs or state.vehicle) and all(hub.is_silent(state.now_ns) for hub in hubs)
-        if state.down is None and not (is_silent and (not state.vehicle or state.silent_part in _WHOLE_LINK)):
+        if state.down is None and not (is_silent and (not state.vehicle or state.silent_part in _LINK_PARTS)):
             return None
         heard_ns = [hub.last_ns for hub in hubs] + [stream.last_ns for stream in state.vehicle.values()]
         return (state.now_ns - max(heard_ns, default=state.begin_ns)) / _S

@@ -49,14 +49,14 @@ _REVIEW_BLOCKS: Final = 128
 # Blocks of a wheel that are compared with later ones: some seconds at 9600 Hz. A hub keeps no more.
 _RECENT_BLOCKS: Final = 1024
 # One block may have been late when the hub changed its axes; one unknown frame may be an experiment of the hub.
-_LEAST: Final[Mapping[Code, int]] = {
+_MIN_COUNTS: Final[Mapping[Code, int]] = {
     SessionCode.HELLO_AXES_DIFFER: 3,
     SessionCode.ONLY_UNKNOWN_TYPES: 3,
     SessionCode.SAMPLES_REPEATED: 3,
 }
 # Of the last ten hellos within one start, more than this many differed from the one before.
 _LAST_HELLOS: Final = (1 << 10) - 1
-_MOST_CHANGES: Final = 4
+_MAX_CHANGES: Final = 4
 
 _Source = tuple[str, int, int]
 
@@ -228,7 +228,7 @@ class StatementWatch:
         self._has_new = False
         notices: list[Notice] = []
         for (source, code), finding in self._findings.items():
-            if not finding.named and finding.count >= _LEAST.get(code, 1):
+            if not finding.named and finding.count >= _MIN_COUNTS.get(code, 1):
                 finding.named = True
                 notices.append(self._notice(source, code, finding))
         if self._limit.refused and not self._refusal_named:
@@ -243,7 +243,7 @@ class StatementWatch:
         notices = [
             self._notice(source, code, finding)
             for (source, code), finding in sorted(self._findings.items(), key=lambda entry: entry[0])
-            if finding.count >= _LEAST.get(code, 1)
+            if finding.count >= _MIN_COUNTS.get(code, 1)
         ]
         return [*notices, self._refusal()] if self._limit.refused else notices
 
@@ -259,8 +259,8 @@ class StatementWatch:
         if previous is None or previous[3:7] != hello[3:7]:  # sensor, firmware, boot count, rate
             wheel.restart()
         if previous is not None and previous.boot_count == hello.boot_count != boot_count and boot_count is not None:
-            before, other = float(hello.boot_count), float(boot_count)
-            self._find((*hub, HUB_ITSELF), SessionCode.HUB_BOOT_COUNTS_DIFFER, own=before, other=other)
+            own_count, other_count = float(hello.boot_count), float(boot_count)
+            self._find((*hub, HUB_ITSELF), SessionCode.HUB_BOOT_COUNTS_DIFFER, own=own_count, other=other_count)
         wheel.changes = wheel.changes << 1 & _LAST_HELLOS
         if previous is not None and previous != hello and previous.boot_count == hello.boot_count:
             self._hello_changed(source, wheel, previous, hello)
@@ -280,7 +280,7 @@ class StatementWatch:
             self._find(source, SessionCode.HELLO_SENSORS_ALTERNATE, sensor=sensors[0], other=sensors[1])
             return
         wheel.changes |= 1
-        if wheel.changes.bit_count() > _MOST_CHANGES:
+        if wheel.changes.bit_count() > _MAX_CHANGES:
             self._find(source, SessionCode.HELLO_KEEPS_CHANGING)
 
     def _scale(self, source: _Source, hello: Hello) -> None:
@@ -324,39 +324,39 @@ class StatementWatch:
         if hello is None or not len(first):
             return
         if wheel.axes != hello.axes:
-            sent, stated = _axes_named(wheel.axes), _axes_named(hello.axes)
-            self._find(source, SessionCode.HELLO_AXES_DIFFER, len(first), sent=sent, stated=stated)
+            sent_axes, stated_axes = _axes_named(wheel.axes), _axes_named(hello.axes)
+            self._find(source, SessionCode.HELLO_AXES_DIFFER, len(first), sent=sent_axes, stated=stated_axes)
         last = wheel.last or (int(first[0]), int(tick[0]))
         wheel.last = int(first[-1]), int(tick[-1])
-        samples, us = _steps(last[0], first), _steps(last[1], tick)
-        jumps = np.flatnonzero(is_jump(samples, us, hello.rate_hz))
+        samples, us_steps = _steps(last[0], first), _steps(last[1], tick)
+        jumps = np.flatnonzero(is_jump(samples, us_steps, hello.rate_hz))
         repeated = wheel.repeated((first << 32) ^ tick, samples, jumped=len(jumps) > 0)
         if repeated:
             self._find(source, SessionCode.SAMPLES_REPEATED, repeated)
         if len(jumps):
-            jumps_s = apart_s(samples, us, hello.rate_hz)[jumps]
+            jumps_s = apart_s(samples, us_steps, hello.rate_hz)[jumps]
             self._find(source, SessionCode.SAMPLE_NUMBERS_JUMP, len(jumps), last_s=float(jumps_s[-1]))
         begin = 0
         for jump in [*jumps.tolist(), len(samples)]:
-            self._rate(source, wheel, hello.rate_hz, samples[begin:jump], us[begin:jump])
+            self._rate(source, wheel, hello.rate_hz, samples[begin:jump], us_steps[begin:jump])
             begin = jump + 1
             if jump < len(samples):
                 wheel.since = (0, 0)
 
     def _rate(
-        self, source: _Source, wheel: _Wheel, rate_hz: float, samples: NDArray[np.int64], us: NDArray[np.int64]
+        self, source: _Source, wheel: _Wheel, rate_hz: float, samples: NDArray[np.int64], us_steps: NDArray[np.int64]
     ) -> None:
         """Compare the samples and the hub's time of every span with the stated rate."""
         if not len(samples):
             return
-        number, time_us = np.cumsum(samples) + wheel.since[0], np.cumsum(us) + wheel.since[1]
+        number, time_us = np.cumsum(samples) + wheel.since[0], np.cumsum(us_steps) + wheel.since[1]
         reached = np.maximum.accumulate(number)
         span = _RATE_SPAN_S * rate_hz
         begin = begin_us = 0
         while (index := int(np.searchsorted(reached, begin + span))) < len(number):
-            took_us = int(time_us[index]) - begin_us
-            measured_hz = (int(number[index]) - begin) * _US / took_us if took_us > 0 else 0.0
-            if took_us <= 0:
+            elapsed_us = int(time_us[index]) - begin_us
+            measured_hz = (int(number[index]) - begin) * _US / elapsed_us if elapsed_us > 0 else 0.0
+            if elapsed_us <= 0:
                 self._find(source, SessionCode.HUB_CLOCK_STILL, duration_s=_RATE_SPAN_S)
             elif abs(measured_hz / rate_hz - 1.0) > _RATE_TOLERANCE:
                 self._find(
@@ -388,9 +388,9 @@ class StatementWatch:
         return Notice("", reason, Level.WARNING)
 
 
-def _steps(before: int, numbers: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the steps between numbers of 32 bits that wrap, the first from `before`, (k,)."""
-    steps: NDArray[np.int64] = numbers - np.append(before, numbers[:-1])
+def _steps(previous: int, numbers: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the steps between numbers of 32 bits that wrap, the first from `previous`, (k,)."""
+    steps: NDArray[np.int64] = numbers - np.append(previous, numbers[:-1])
     return (steps + 2**31) % 2**32 - 2**31
 
 

@@ -26,20 +26,20 @@ class Supervisor:
     def __init__(self) -> None:
         """Begin to take note."""
         self._ends: deque[ThreadEnd] = deque()
-        self._before, self._hook = threading.excepthook, self._ended
+        self._previous_hook, self._hook = threading.excepthook, self._ended
         threading.excepthook = self._hook
 
     def close(self) -> None:
         """Leave errors to who had them before."""
         if threading.excepthook is self._hook:
-            threading.excepthook = self._before
+            threading.excepthook = self._previous_hook
 
     def take(self) -> list[ThreadEnd]:
         """Return the threads that have ended by an error since the last call."""
-        taken: list[ThreadEnd] = []
+        ends: list[ThreadEnd] = []
         while self._ends:
-            taken.append(self._ends.popleft())
-        return taken
+            ends.append(self._ends.popleft())
+        return ends
 
     def _ended(self, args: threading.ExceptHookArgs) -> None:
         if args.exc_type is SystemExit or args.exc_value is None:

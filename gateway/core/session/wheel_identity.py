@@ -11,7 +11,7 @@ from gateway.core.reasons import Level, Notice, Reason
 from gateway.core.session.reasons import SessionCode
 from gateway.core.wheels.possible_readings import possible_reading
 
-_MOST_SENSORS: Final = 8
+_MAX_SENSORS: Final = 8
 
 
 def sensor_ids(vehicle: VehicleConfig | None) -> dict[str, str]:
@@ -94,7 +94,7 @@ class SensorsHeard:
         if isinstance(message, Hello):
             sensors = self._sensors.setdefault(address, set())
             # A wheel has had few sensors; more are made up, and reported as changes of HELLO.
-            if len(sensors) < _MOST_SENSORS:
+            if len(sensors) < _MAX_SENSORS:
                 sensors.add(message.sensor_id)
         elif isinstance(message, Environment) and address not in self._with_pressure:
             possible = possible_reading(message)

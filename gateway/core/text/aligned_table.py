@@ -45,26 +45,26 @@ def table_lines(rows: Sequence[Sequence[str]], columns: int) -> Iterator[str]:
     labels, gaps = max(width(row[0]) for row in rows), len(_GAP) * (len(head) - 1)
     words = max(width(word) for row in rows for word in row[0].split(" "))
     sizes: list[int] = []
-    for of_head, of_cell in ((_whole, _whole), (str.split, _whole), (str.split, _parts)):
+    for split_head, split_cell in ((_unbroken, _unbroken), (str.split, _unbroken), (str.split, _parts)):
         sizes = [
             max(
                 width(part)
-                for part in [*of_head(head[column]), *(part for row in body for part in of_cell(row[column]))]
+                for part in [*split_head(head[column]), *(part for row in body for part in split_cell(row[column]))]
             )
             for column in range(1, len(head))
         ]
         if labels + sum(sizes) + gaps <= columns:
             break
-    room = min(columns - sum(sizes) - gaps, labels)
-    is_above = room < max(min(labels, _LEAST_LABEL), words)
+    label_width = min(columns - sum(sizes) - gaps, labels)
+    is_above = label_width < max(min(labels, _LEAST_LABEL), words)
     for row, split in ((row, str.split if row is head else _parts) for row in rows):
         if is_above and row[0]:
             yield row[0]
-        label = [""] if is_above else filled(row[0].split(" "), room)
+        label = [""] if is_above else filled(row[0].split(" "), label_width)
         wrapped = [filled(split(text), size) for text, size in zip(row[1:], sizes, strict=True)]
         for line in zip_longest(label, *wrapped, fillvalue=""):
             cells = [pad_left(text, size) for text, size in zip(line[1:], sizes, strict=True)]
-            yield _GAP.join([pad(line[0], 0 if is_above else room), *cells]).rstrip()
+            yield _GAP.join([pad(line[0], 0 if is_above else label_width), *cells]).rstrip()
 
 
 def wrapped(line: str, columns: int) -> list[str]:
@@ -75,7 +75,7 @@ def wrapped(line: str, columns: int) -> list[str]:
     return wrap(line, columns, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
 
 
-def _whole(text: str) -> list[str]:
+def _unbroken(text: str) -> list[str]:
     return [text]
 
 

@@ -29,8 +29,8 @@ def html_template(package: str, name: str) -> jinja2.Template:
         return "\n".join(map(escaped, value.split("\n")))
 
     def source(path: str) -> str:
-        of, _, file = path.partition("/")
-        return resources.files(of).joinpath(file).read_text(encoding="utf-8")
+        source_package, _, file = path.partition("/")
+        return resources.files(source_package).joinpath(file).read_text(encoding="utf-8")
 
     environment = jinja2.Environment(
         autoescape=True, undefined=jinja2.StrictUndefined, finalize=visible, loader=jinja2.FunctionLoader(source)

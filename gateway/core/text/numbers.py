@@ -174,8 +174,8 @@ def duration(seconds: float) -> str:
     """Return `h:mm:ss`."""
     if not math.isfinite(seconds):
         return MISSING
-    whole = max(int(seconds), 0)
-    return f"{whole // 3600}:{whole // 60 % 60:02d}:{whole % 60:02d}"
+    total_s = max(int(seconds), 0)
+    return f"{total_s // 3600}:{total_s // 60 % 60:02d}:{total_s % 60:02d}"
 
 
 def age(seconds: float) -> str:

@@ -28,27 +28,27 @@ def check_outputs(outputs: Iterable[Path | None], inputs: Iterable[Path | None],
     Raises:
         OutputError: as `check_target`; an output is an input, whatever `force` says; two outputs are one file.
     """
-    read = [path for path in inputs if path is not None]
-    seen: list[Path] = []
+    input_paths = [path for path in inputs if path is not None]
+    targets: list[Path] = []
     for path in outputs:
         if path is None:
             continue
         if is_stdout(path):
-            if any(map(is_stdout, seen)):
+            if any(map(is_stdout, targets)):
                 raise OutputError(
                     "two outputs would be written to standard output", "Give '-' once, and a file for the other."
                 )
-            seen.append(path)
+            targets.append(path)
             continue
-        if any(_same_file(path, other) for other in read):
+        if any(_same_file(path, source) for source in input_paths):
             raise OutputError(
                 f"'{path}' is an input and would be overwritten",
                 "Choose another name; --force does not overwrite inputs.",
             )
-        if any(_same_file(path, other) for other in seen):
+        if any(_same_file(path, target) for target in targets):
             raise OutputError(f"two outputs would be written to one file, '{path}'", "Give each a name of its own.")
         check_target(path, force=force)
-        seen.append(path)
+        targets.append(path)
 
 
 def is_stdout(path: Path | None) -> bool:
@@ -56,13 +56,13 @@ def is_stdout(path: Path | None) -> bool:
     return path is not None and str(path) == "-"
 
 
-def _same_file(path: Path, other: Path) -> bool:
+def _same_file(path: Path, other_path: Path) -> bool:
     """Return whether two paths lead to one file, directly or through links; False for devices and pipes."""
     try:
         if path.exists() and not path.is_file():
             return False
-        return os.path.realpath(path) == os.path.realpath(other) or (
-            path.exists() and other.exists() and path.samefile(other)
+        return os.path.realpath(path) == os.path.realpath(other_path) or (
+            path.exists() and other_path.exists() and path.samefile(other_path)
         )
     except OSError:
         return False  # opening the file reports the error

@@ -60,5 +60,5 @@ def joined_page(name: str, package: str, parts: Sequence[Part]) -> PageFile:
     html = html.replace("LICENCE OF THE PLOTS", plot_licence())
     for marker, element in (("<!-- STYLES -->", "style"), ("<!-- SCRIPTS -->", "script")):
         html = html.replace(marker, "\n".join(part.html() for part in parts if part.element == element))
-    of_server = "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-    return PageFile(html.encode(), f"{script_policy(parts)}; {of_server}")
+    server_policy = "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    return PageFile(html.encode(), f"{script_policy(parts)}; {server_policy}")

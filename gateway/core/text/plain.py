@@ -38,8 +38,8 @@ class PlainView:
         self._name_width = _NAME_WIDTH_MIN
         self._number_widths = list(_NUMBER_WIDTHS)
         # Codes of the reasons given last, by position, and of the notes on valid numbers given so far.
-        self._given: dict[str, tuple[Code, ...]] = {}
-        self._noted: set[tuple[Code, ...]] = set()
+        self._last_codes: dict[str, tuple[Code, ...]] = {}
+        self._noted_codes: set[tuple[Code, ...]] = set()
 
     def result(self, result: RevolutionResult) -> None:
         """Write the line of a revolution, after the header when it is due or a column has grown."""
@@ -47,7 +47,7 @@ class PlainView:
         name = crop_middle(clean(result.position), _NAME_WIDTH_MAX)
         # One mark at the end of the line is enough when all numbers share a status.
         marked = any(number.status is not reading.status for number in reading.numbers)
-        cells = [f"{shown.label} {shown.number.joined('±')}{shown.mark if marked else ''}" for shown in reading.numbers]
+        cells = [f"{entry.label} {entry.number.joined('±')}{entry.mark if marked else ''}" for entry in reading.numbers]
         self._make_room(width(name), cells)
         if self._lines_until_header <= 0:
             self._write(self._header())
@@ -55,19 +55,19 @@ class PlainView:
         self._lines_until_header -= 1
         line = self._line(name, cells, reading, result)
         note = clean(reading.note)
-        valid = reading.status is Status.VALID and not reading.ratios_only and not result.revolution.faults
+        is_valid = reading.status is Status.VALID and not reading.ratios_only and not result.revolution.faults
         codes = codes_of(reading.reasons)
         # That a load is missing holds for every line, and is said with the first.
-        is_said = valid or (reading.ratios_only and codes == self._given.get(result.position))
+        is_said = is_valid or (reading.ratios_only and codes == self._last_codes.get(result.position))
         self._write(crop((line if is_said else line + note).rstrip(), LINE_WIDTH))
         # A note on valid numbers is written once; a reason that does not fit is written in full when it is new. Its
         # numbers may change with every revolution, so its codes are compared.
-        if valid:
-            if codes and codes not in self._noted:
-                self._noted.add(codes)
+        if is_valid:
+            if codes and codes not in self._noted_codes:
+                self._noted_codes.add(codes)
                 self._remark(f"{name} rev {result.revolution.index}: {note}")
-        elif codes != self._given.get(result.position, ()):
-            self._given[result.position] = codes
+        elif codes != self._last_codes.get(result.position, ()):
+            self._last_codes[result.position] = codes
             if width(line) + width(note) > LINE_WIDTH:
                 self._remark(f"{name} rev {result.revolution.index}: {note}")
 
@@ -87,9 +87,9 @@ class PlainView:
         for slot, cell in enumerate(cells):
             if slot == len(self._number_widths):
                 self._number_widths.append(0)
-            grown = min(len(cell), _NUMBERS_WIDTH_MAX - sum(self._number_widths) + self._number_widths[slot])
-            if grown > self._number_widths[slot]:
-                self._number_widths[slot] = grown
+            new_width = min(len(cell), _NUMBERS_WIDTH_MAX - sum(self._number_widths) + self._number_widths[slot])
+            if new_width > self._number_widths[slot]:
+                self._number_widths[slot] = new_width
                 self._lines_until_header = 0
 
     def _header(self) -> str:

@@ -32,7 +32,7 @@ class Bar:
         """Take the task of a `Progress`, None where nothing is drawn."""
         self._progress = progress
         self._task = task
-        self._share = 0.0
+        self._done_share = 0.0
         self._label: str | None = None
 
     def show(self, share: float, label: str | None = None) -> None:
@@ -45,9 +45,9 @@ class Bar:
         if label is not None and label != self._label:
             self._label = label
             self._progress.update(self._task, description=clean(label))
-        if share >= self._share + _STEP or share >= 1.0 > self._share:
-            self._share = min(share, 1.0)
-            self._progress.update(self._task, completed=self._share)
+        if share >= self._done_share + _STEP or share >= 1.0 > self._done_share:
+            self._done_share = min(share, 1.0)
+            self._progress.update(self._task, completed=self._done_share)
 
     def remove(self) -> None:
         """Draw the bar no more."""
@@ -121,11 +121,11 @@ class ProgressView:
 
         assert self._console is not None
         assert self._progress is not None
-        shown: list[RenderableType] = [self._progress.get_renderable()] if self._progress.tasks else []
+        renderables: list[RenderableType] = [self._progress.get_renderable()] if self._progress.tasks else []
         if self._text is not None:
-            shown.append(Text(self._text, no_wrap=True, overflow="ellipsis"))
+            renderables.append(Text(self._text, no_wrap=True, overflow="ellipsis"))
         # The terminal echoes Ctrl-C as two characters, which must not begin another line.
-        return Constrain(Group(*shown), self._console.width - _ECHO_CELLS)
+        return Constrain(Group(*renderables), self._console.width - _ECHO_CELLS)
 
 
 def can_move_cursor(environment: Mapping[str, str]) -> bool:

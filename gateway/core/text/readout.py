@@ -20,13 +20,13 @@ WEAR: Final = "wear_mm"
 LEADING: Final = "leading_edge_rad"
 TRAILING: Final = "trailing_edge_rad"
 # A value below zero by fewer standard errors is none.
-_WITHIN: Final = 2.0
+_ZERO_LIMIT_STDS: Final = 2.0
 _ORDER: Final = (Status.VALID, Status.PROVISIONAL, Status.INVALID)
 
 
 def plain_wear(estimate: Estimate) -> Estimate:
     """Return wear as people read it: none where it is below zero by less than twice its error."""
-    return estimate._replace(value=0.0) if -_WITHIN * estimate.std < estimate.value < 0.0 else estimate
+    return estimate._replace(value=0.0) if -_ZERO_LIMIT_STDS * estimate.std < estimate.value < 0.0 else estimate
 
 
 class Reading(NamedTuple):
@@ -80,7 +80,7 @@ def read_result(result: RevolutionResult) -> Reading:
     """Sort a result's estimates; speed and angles fall back to the revolution's own when no estimate names them."""
     others: dict[str, Estimate] = {}
     car: list[Estimate] = []
-    whole: list[Estimate] = []
+    numbers: list[Estimate] = []
     ratios: list[Estimate] = []
     for estimate in result.estimates:
         plain = estimate.name.rpartition(":")[2]
@@ -89,14 +89,14 @@ def read_result(result: RevolutionResult) -> Reading:
         elif plain in RING_RATIOS:
             ratios.append(estimate)
         elif plain in RING_NUMBERS:
-            whole.append(estimate)
+            numbers.append(estimate)
         else:
             others[estimate.name] = estimate
     speed, rotation, distance = others.pop(SPEED, None), others.pop(ROTATION, None), others.pop(DISTANCE, None)
     leading, trailing = others.pop(LEADING, None), others.pop(TRAILING, None)
-    has_whole = any(number.status is not Status.INVALID for number in whole)
-    ratios_only = not has_whole and any(ratio.status is not Status.INVALID for ratio in ratios)
-    shown = tuple(show(number) for number in (ratios if ratios_only else whole))
+    has_numbers = any(number.status is not Status.INVALID for number in numbers)
+    ratios_only = not has_numbers and any(ratio.status is not Status.INVALID for ratio in ratios)
+    shown_numbers = tuple(show(number) for number in (ratios if ratios_only else numbers))
     revolution = result.revolution
     kinematic = (
         show(speed or _measured(SPEED, revolution.omega_radps * result.conditions.radius_m, math.nan)),
@@ -104,14 +104,14 @@ def read_result(result: RevolutionResult) -> Reading:
         show(leading or _measured(LEADING, revolution.leading_edge_rad, revolution.leading_edge_std_rad)),
         show(trailing or _measured(TRAILING, revolution.trailing_edge_rad, revolution.trailing_edge_std_rad)),
     )
-    judged = shown if whole or ratios or speed is None else kinematic
+    judged = shown_numbers if numbers or ratios or speed is None else kinematic
     return Reading(
         *kinematic,
         tuple(others.values()),
         None if distance is None else show(distance),
-        shown,
+        shown_numbers,
         max((number.status for number in judged), key=_ORDER.index, default=Status.INVALID),
-        revolution.faults or _reasons(whole, kinematic),
+        revolution.faults or _reasons(numbers, kinematic),
         tuple(map(show, car)),
         ratios_only,
     )
@@ -124,9 +124,9 @@ def _measured(name: str, value: float, std: float) -> Estimate:
 def _reasons(numbers: Sequence[Estimate], kinematic: Sequence[Shown]) -> tuple[Reason, ...]:
     """Return the reasons of the first estimate of the worst status that has any."""
     # The worst status explains most; notes on valid numbers are shown only when nothing is wrong.
-    shown: tuple[Estimate | Shown, ...] = (*numbers, *kinematic)
+    items: tuple[Estimate | Shown, ...] = (*numbers, *kinematic)
     for status in reversed(_ORDER):
-        for item in shown:
+        for item in items:
             if item.status is status and item.reasons:
                 return item.reasons
     return ()

@@ -52,8 +52,8 @@ def result_columns(block: ResultBlock, recording: str = "") -> ResultColumns:
     for name, std in _ERRORS_OF_STATED.items():
         numbers[std][np.isnan(numbers[name])] = np.nan
     fixed: dict[str, Cells] = {
-        "recording": _same(recording, len(block)),
-        "position": _same(block.position, len(block)),
+        "recording": _repeated(recording, len(block)),
+        "position": _repeated(block.position, len(block)),
         "revolution": np.array(list(map(attrgetter("index"), revolutions)), np.int64),
         "device_end_s": numbers["device_start_s"] + _floats(map(attrgetter("period_s"), revolutions)),
         "host_utc": host_ns,
@@ -61,7 +61,7 @@ def result_columns(block: ResultBlock, recording: str = "") -> ResultColumns:
         "acceleration_mps2": _floats(map(attrgetter("omega_dot_radps2"), revolutions)) * numbers["radius_m"],
         "saturated": np.array(list(map(attrgetter("saturated"), revolutions)), np.bool_),
         "ac_coupled": np.array(list(map(attrgetter("ac_coupled"), revolutions)), np.bool_),
-        **{column: texts(each.sources.get(column) for each in conditions) for column in SOURCE_COLUMNS.values()},
+        **{column: texts(entry.sources.get(column) for entry in conditions) for column in SOURCE_COLUMNS.values()},
         "faults": texts(joined(revolution.faults) for revolution in revolutions),
         "silent_before_s": _floats(map(attrgetter("silent_before_s"), block.results)),
         "alarms": texts(joined(alarm.reason for alarm in result.alarms) for result in block.results),
@@ -117,7 +117,7 @@ def texts(cells: Iterable[str | None]) -> Cells:
     return np.array(list(cells), np.object_)
 
 
-def _same(cell: str, count: int) -> Cells:
+def _repeated(cell: str, count: int) -> Cells:
     return np.full(count, cell, np.object_)
 
 

@@ -150,20 +150,20 @@ class _JsonLines(ResultTable):
             row["alarm_reasons"] = [{"name": str(alarm.name), **as_json(alarm.reason)} for alarm in result.alarms]
             for name, estimate in zip(named, result.estimates, strict=True):
                 row[f"{name}_reasons"] = [as_json(reason) for reason in estimate.reasons]
-            self._put(row)
+            self._emit(row)
 
     def write_missing(self, position: str, reason: Reason, recording: str = "") -> None:
         row: dict[str, object] = dict.fromkeys((*RESULT_HEAD, *RESULT_TAIL))
-        self._put(row | {"recording": recording, "position": position, "missing_reasons": [as_json(reason)]})
+        self._emit(row | {"recording": recording, "position": position, "missing_reasons": [as_json(reason)]})
 
     def write_alarm(self, alarm: AlarmRecord, recording: str = "") -> None:
         row: dict[str, object] = dict.fromkeys((*RESULT_HEAD, *RESULT_TAIL))
-        self._put(row | {"recording": recording, "position": alarm.position, "alarm_record": alarm_fields(alarm)})
+        self._emit(row | {"recording": recording, "position": alarm.position, "alarm_record": alarm_fields(alarm)})
 
     def close(self) -> None:
         self._output.close()
 
-    def _put(self, row: dict[str, object]) -> None:
+    def _emit(self, row: dict[str, object]) -> None:
         with self._output.explained():
             self._output.file.write(json_text(row).encode() + b"\n")
 
@@ -175,8 +175,8 @@ class _Columns(ResultTable):
         super().__init__(output, coverage_factor)
         self._sink = sink
         self._names: dict[str, None] = {}
-        self._held: list[ResultColumns] | None = []
-        self._held_rows = 0
+        self._buffered: list[ResultColumns] | None = []
+        self._buffered_rows = 0
         is_expanded = coverage_factor is not None
         self._parts = (*ESTIMATE_PARTS.values(), EXPANDED) if is_expanded else tuple(ESTIMATE_PARTS.values())
         self._tail = (*RESULT_TAIL.values(), COVERAGE) if is_expanded else tuple(RESULT_TAIL.values())
@@ -185,13 +185,13 @@ class _Columns(ResultTable):
     def write(self, block: ResultBlock, recording: str = "") -> None:
         columns = self._columns(block, recording)
         with self._output.explained():
-            if self._held is None:
-                self._put(columns)
+            if self._buffered is None:
+                self._emit(columns)
                 return
             self._names.update(dict.fromkeys(columns.named))
-            self._held.append(columns)
-            self._held_rows += len(block)
-            if self._held_rows >= COLUMNS_FIXED_AFTER_ROWS:
+            self._buffered.append(columns)
+            self._buffered_rows += len(block)
+            if self._buffered_rows >= COLUMNS_FIXED_AFTER_ROWS:
                 self._release()
 
     def repeat(self, metadata: Mapping[str, str]) -> None:
@@ -219,25 +219,25 @@ class _Columns(ResultTable):
         super().discard()
 
     def _release(self) -> None:
-        held, self._held = self._held, None
-        if held is None:
+        buffered, self._buffered = self._buffered, None
+        if buffered is None:
             return
-        of_estimates = (
+        estimate_heads = (
             column
             for name in self._names
             for column in estimate_columns(name, quantity_of(name.removeprefix(RENAMED)).description, self._parts)
         )
-        self._sink.begin([*RESULT_HEAD.values(), *of_estimates, *self._tail, OTHER], conventions(self._names))
-        for columns in held:
-            self._put(columns)
+        self._sink.begin([*RESULT_HEAD.values(), *estimate_heads, *self._tail, OTHER], conventions(self._names))
+        for columns in buffered:
+            self._emit(columns)
 
-    def _put(self, columns: ResultColumns) -> None:
+    def _emit(self, columns: ResultColumns) -> None:
         fixed, named = columns
         count = len(fixed["revolution"])
         cells = {key: fixed[key] for key in RESULT_HEAD}
         missing = {part.name: unknown(part, count) for part in self._parts}
         cells |= estimate_cells({name: named.get(name, missing) for name in self._names})
         cells |= {column.name: fixed[column.name] for column in self._tail}
-        late = {name: parts for name, parts in named.items() if name not in self._names}
-        cells[OTHER.name] = as_objects(late, count)
+        unlisted = {name: parts for name, parts in named.items() if name not in self._names}
+        cells[OTHER.name] = as_objects(unlisted, count)
         self._sink.rows(cells)

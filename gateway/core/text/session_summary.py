@@ -35,10 +35,10 @@ _NEXT_NAME: Final = ", "
 _LABEL_WIDTH: Final = 30
 _INDENT: Final = "  "
 # Names that the line of a shared reason has; more are counted.
-_NAMED: Final = 2
+_MAX_NAMES: Final = 2
 _LEAST_NOTE: Final = 24
 # Last revolutions whose values are those of the end.
-_OF_THE_END: Final = 8
+_END_REVOLUTIONS: Final = 8
 
 
 def columns_of_terminal() -> int:
@@ -123,7 +123,7 @@ class WheelSummary:
         return {
             name: Stale(number, self.newest[name].reasons)
             for name, (number, _) in self.usable.items()
-            if self.newest[name].status is Status.INVALID and self.revolutions - number >= _OF_THE_END
+            if self.newest[name].status is Status.INVALID and self.revolutions - number >= _END_REVOLUTIONS
         }
 
 
@@ -176,12 +176,12 @@ def effects_line(wheel: WheelSummary, effects: Sequence[str]) -> str:
     names, count, uncorrected = ", ".join(effects), wheel.revolutions, wheel.uncorrected
     if wheel.uncorrected_reason is None:
         return f"{wheel.position}: subtracted from its axes: {names}"
-    why = text(wheel.uncorrected_reason)
+    reason = text(wheel.uncorrected_reason)
     if uncorrected == count:
-        return f"{wheel.position}: NOT subtracted from its axes: {names}: {why}"
+        return f"{wheel.position}: NOT subtracted from its axes: {names}: {reason}"
     return (
         f"{wheel.position}: subtracted from its axes in {count - uncorrected} of {count} revolutions: {names}; "
-        f"not in the others: {why}"
+        f"not in the others: {reason}"
     )
 
 
@@ -232,32 +232,32 @@ def alarm_line(alarm: AlarmRecord) -> str:
 def _wheel_lines(wheel: WheelSummary, columns: int) -> list[str]:
     rows: list[_Row] = [("revolutions", str(wheel.revolutions), _revolutions_note(wheel))]
     rows.append(_mean_speed_row(wheel))
-    took = f"in {duration(wheel.rolling_s) if wheel.rolling_s >= 60 else fixed(wheel.rolling_s, 2) + ' s'}"
-    rolled = next((show(estimate) for estimate in wheel.estimates if estimate.name == DISTANCE), None)
-    if rolled is None:
-        rows.append(("distance", f"{fixed(wheel.distance_m, 1)} m", took))
-    elif rolled.status is Status.INVALID:
-        rows.append(("distance", MISSING, f"{took}; invalid: {rolled.reason}"))
+    elapsed = f"in {duration(wheel.rolling_s) if wheel.rolling_s >= 60 else fixed(wheel.rolling_s, 2) + ' s'}"
+    distance = next((show(estimate) for estimate in wheel.estimates if estimate.name == DISTANCE), None)
+    if distance is None:
+        rows.append(("distance", f"{fixed(wheel.distance_m, 1)} m", elapsed))
+    elif distance.status is Status.INVALID:
+        rows.append(("distance", MISSING, f"{elapsed}; invalid: {distance.reason}"))
     elif (stale := wheel.stale.get(DISTANCE)) is not None:
         rows.append(
             (
                 "distance",
                 f"{fixed(wheel.distance_m, 1)} m",
-                f"{took}; invalid since revolution {stale.revolution + 1}: {joined(stale.reasons)}",
+                f"{elapsed}; invalid since revolution {stale.revolution + 1}: {joined(stale.reasons)}",
             )
         )
     else:
-        rows.append(("distance", rolled.text(), "; ".join(filter(None, (took, rolled.reason)))))
-    rows.append(("samples lost", _share(wheel.lost_fraction), _samples_note(wheel)))
-    last, several = _estimate_rows(wheel)
-    every = (*rows, *last)
-    words = max(width(word) for label, _, _ in every for word in label.split())
-    label_width = max(min(max(width(label) for label, _, _ in every), _LABEL_WIDTH, columns // 3), words)
-    value_width = max(width(value) for _, value, _ in every)
+        rows.append(("distance", distance.text(), "; ".join(filter(None, (elapsed, distance.reason)))))
+    rows.append(("samples lost", _percent_text(wheel.lost_fraction), _samples_note(wheel)))
+    estimate_rows, common_notes = _estimate_rows(wheel)
+    all_rows = (*rows, *estimate_rows)
+    words = max(width(word) for label, _, _ in all_rows for word in label.split())
+    label_width = max(min(max(width(label) for label, _, _ in all_rows), _LABEL_WIDTH, columns // 3), words)
+    value_width = max(width(value) for _, value, _ in all_rows)
     note_width = max(columns - label_width - value_width - len(_INDENT) - 2 * len(_GAP), _LEAST_NOTE)
-    blocks = [_row_lines(row, label_width, value_width, note_width) for row in every]
+    blocks = [_row_lines(row, label_width, value_width, note_width) for row in all_rows]
     lines = [[line for block in part for line in block] for part in (blocks[: len(rows)], blocks[len(rows) :])]
-    lines.append([f"{_INDENT}{line}" for note in several for line in _hanging(note, columns - len(_INDENT))])
+    lines.append([f"{_INDENT}{line}" for note in common_notes for line in _hanging(note, columns - len(_INDENT))])
     heads: tuple[list[str], ...] = ([], [f"{_INDENT}at the end:"], [f"{_INDENT}of several numbers:"])
     return [wheel.position, *(line for head, part in zip(heads, lines, strict=True) if part for line in (*head, *part))]
 
@@ -316,11 +316,11 @@ class _Group(NamedTuple):
 def _groups(wheel: WheelSummary) -> list[_Group]:
     stales = wheel.stale
 
-    def shared(estimate: Estimate) -> tuple[Status, tuple[Reason, ...], Stale | None]:
+    def group_key(estimate: Estimate) -> tuple[Status, tuple[Reason, ...], Stale | None]:
         return estimate.status, estimate.reasons, stales.get(estimate.name)
 
     others = [estimate for estimate in wheel.estimates if estimate.name != DISTANCE]
-    return [_Group(*key, list(group)) for key, group in groupby(others, shared)]
+    return [_Group(*key, list(group)) for key, group in groupby(others, group_key)]
 
 
 def _estimate_rows(wheel: WheelSummary) -> tuple[list[_Row], list[str]]:
@@ -329,15 +329,15 @@ def _estimate_rows(wheel: WheelSummary) -> tuple[list[_Row], list[str]]:
     Neighbours that are invalid for one reason share a row, as neighbours with equal notes share one.
     """
     groups = _groups(wheel)
-    times = Counter(said for group in groups for said in group.texts)
-    several = {
-        said: [name for group in groups if said in group.texts for name in group.names]
-        for said, count in times.items()
+    counts = Counter(phrase for group in groups for phrase in group.texts)
+    names_by_phrase = {
+        phrase: [name for group in groups if phrase in group.texts for name in group.names]
+        for phrase, count in counts.items()
         if count > 1
     }
     rows: list[_Row] = []
     for group in groups:
-        note = _note(group, several, wheel.revolutions)
+        note = _note(group, names_by_phrase, wheel.revolutions)
         if group.status is Status.INVALID:
             rows.append((_NEXT_NAME.join(group.names), MISSING, note))
             continue
@@ -345,16 +345,16 @@ def _estimate_rows(wheel: WheelSummary) -> tuple[list[_Row], list[str]]:
         for index, (name, quantity) in enumerate(zip(group.names, map(show, group.estimates), strict=True)):
             value = f"{quantity.number.joined()} {quantity.unit}".rstrip()
             rows.append((name, value, repeated if index else note))
-    return rows, [f"{_first_names(names)}: {said}" for said, names in several.items()]
+    return rows, [f"{_first_names(names)}: {phrase}" for phrase, names in names_by_phrase.items()]
 
 
-def _note(group: _Group, several: Collection[str], revolutions: int) -> str:
+def _note(group: _Group, common_phrases: Collection[str], revolutions: int) -> str:
     """Return status and reasons of a group, without those that several groups have."""
     if group.stale is not None:
         since = f"of revolution {group.stale.revolution} of {revolutions}, invalid since"
         return f"{since}: {joined(group.stale.reasons)}"
     word = "" if group.status is Status.VALID else str(group.status)
-    note = "; ".join(said for said in group.texts if said not in several)
+    note = "; ".join(phrase for phrase in group.texts if phrase not in common_phrases)
     if word and note:
         return f"{word}: {note}"
     return f"{word}, see below" if word and group.texts else word or note
@@ -362,11 +362,11 @@ def _note(group: _Group, several: Collection[str], revolutions: int) -> str:
 
 def _first_names(names: Sequence[str]) -> str:
     """Return the first names, and how many more there are."""
-    more = len(names) - _NAMED
-    return ", ".join(names[:_NAMED]) + f" and {more} more" if more > 1 else ", ".join(names)
+    omitted = len(names) - _MAX_NAMES
+    return ", ".join(names[:_MAX_NAMES]) + f" and {omitted} more" if omitted > 1 else ", ".join(names)
 
 
-def _share(fraction: float) -> str:
+def _percent_text(fraction: float) -> str:
     if math.isnan(fraction):
         return MISSING
     return "0 %" if fraction == 0 else f"{fixed(fraction, 3, 100.0)} %"
@@ -374,11 +374,11 @@ def _share(fraction: float) -> str:
 
 def _samples_note(wheel: WheelSummary) -> str:
     """Return the share lost of the samples of completed revolutions, if not that of all, silence and what saturated."""
-    within = _share(wheel.missing_fraction)
+    missing = _percent_text(wheel.missing_fraction)
     saturated = f"{counted(wheel.saturated, 'revolution')} saturated" if wheel.saturated else ""
-    apart = f"{within} within completed revolutions" if within != _share(wheel.lost_fraction) else ""
+    note = f"{missing} within completed revolutions" if missing != _percent_text(wheel.lost_fraction) else ""
     silent = f"besides {age(wheel.counters.silent_s)} of silence" if wheel.counters.silent_s else ""
-    return "; ".join(filter(None, (apart, silent, saturated)))
+    return "; ".join(filter(None, (note, silent, saturated)))
 
 
 def _revolutions_note(wheel: WheelSummary) -> str:

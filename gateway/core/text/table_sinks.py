@@ -88,8 +88,8 @@ class MetadataSink:
             for column in columns
         ]
         notes = [{"treadlink": dict(metadata or {})}]
-        about = {"@context": "http://www.w3.org/ns/csvw", "tableSchema": {"columns": described}, "notes": notes}
-        self._file.write(json_text(about, indent=1).encode() + b"\n")
+        document = {"@context": "http://www.w3.org/ns/csvw", "tableSchema": {"columns": described}, "notes": notes}
+        self._file.write(json_text(document, indent=1).encode() + b"\n")
 
     def rows(self, cells: Mapping[str, Cells]) -> None:
         """Do nothing: rows are in the table."""
@@ -158,7 +158,7 @@ class ParquetSink:
         self._writer: Any = None
         self._schema: Any = None
         self._blocks: list[Sequence[Cells]] = []
-        self._waiting = 0
+        self._buffered_rows = 0
 
     def begin(self, columns: Sequence[Column], metadata: Mapping[str, str] | None = None) -> None:
         """Write the header."""
@@ -171,8 +171,8 @@ class ParquetSink:
         """Add rows."""
         block = list(cells.values())
         self._blocks.append(block)
-        self._waiting += len(block[0])
-        if self._waiting >= _ROW_GROUP:
+        self._buffered_rows += len(block[0])
+        if self._buffered_rows >= _ROW_GROUP:
             self._flush()
 
     def repeat(self, metadata: Mapping[str, str]) -> None:
@@ -190,7 +190,7 @@ class ParquetSink:
         if not self._blocks:
             return
         columns = [np.concatenate(parts) for parts in zip(*self._blocks, strict=True)]
-        self._blocks, self._waiting = [], 0
+        self._blocks, self._buffered_rows = [], 0
         arrays = [_arrow_array(column, field.type) for column, field in zip(columns, self._schema, strict=True)]
         self._writer.write_table(pa.Table.from_arrays(arrays, schema=self._schema))
 
@@ -210,13 +210,13 @@ def _arrow_array(cells: Cells, arrow_type: Any) -> Any:
         words = dict.fromkeys(cells.tolist())
         texts = [b"" if word is None else word.encode() for word in words]
         ends = np.cumsum([0, *map(len, texts)], dtype=np.int32)
-        of_words = pa.Array.from_buffers(
+        dictionary = pa.Array.from_buffers(
             arrow_type, len(texts), [None, pa.py_buffer(ends), pa.py_buffer(b"".join(texts))]
         )
-        number = {word: index for index, word in enumerate(words)}
-        codes = np.fromiter(map(number.__getitem__, cells.tolist()), np.int32, len(cells))
-        coded = pa.Array.from_buffers(pa.int32(), len(cells), [validity, pa.py_buffer(codes)])
-        return pa.DictionaryArray.from_arrays(coded, of_words).dictionary_decode()
+        code_by_word = {word: index for index, word in enumerate(words)}
+        codes = np.fromiter(map(code_by_word.__getitem__, cells.tolist()), np.int32, len(cells))
+        indices = pa.Array.from_buffers(pa.int32(), len(cells), [validity, pa.py_buffer(codes)])
+        return pa.DictionaryArray.from_arrays(indices, dictionary).dictionary_decode()
     if cells.dtype.kind == "M":
         cells = cells.view(np.int64)
     if pa.types.is_boolean(arrow_type):

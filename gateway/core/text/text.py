@@ -72,10 +72,10 @@ def crop(text: str, cells: int) -> str:
         return text
     if cells <= 0:
         return ""
-    length, used = 0, 1
+    length, used_cells = 0, 1
     for character in text:
-        used += _cells(character)
-        if used > cells:
+        used_cells += _cells(character)
+        if used_cells > cells:
             break
         length += 1
     return text[:length] + ELLIPSIS
@@ -93,8 +93,8 @@ def crop_middle(text: str, cells: int) -> str:
 
 def pad(text: str, cells: int) -> str:
     """Return `text` cropped or filled with blanks on the right to exactly `cells` cells."""
-    missing = cells - width(text)
-    return text + " " * missing if missing >= 0 else pad(crop(text, cells), cells) if cells > 0 else ""
+    padding = cells - width(text)
+    return text + " " * padding if padding >= 0 else pad(crop(text, cells), cells) if cells > 0 else ""
 
 
 def pad_left(text: str, cells: int) -> str:

@@ -17,7 +17,7 @@ from gateway.core.text.numbers import RENAMED, distinct_name
 from gateway.core.text.table_sinks import Cell
 from gateway.core.text.wording import as_json, joined
 
-_TAKEN: Final = frozenset((*RECORDING_HEAD, *RECORDING_TAIL))
+_RESERVED_NAMES: Final = frozenset((*RECORDING_HEAD, *RECORDING_TAIL))
 # Share of the revolutions that are valid where a row is.
 _LEAST_VALID_SHARE: Final = 0.5
 
@@ -37,7 +37,7 @@ class _Quantity:
         # Revolutions since the first with a value: an estimator that has just begun has none.
         self._revolutions = 0
         self._doubts: Counter[tuple[object, ...]] = Counter()
-        self._doubt_of: dict[tuple[object, ...], Reason] = {}
+        self._doubt_by_kind: dict[tuple[object, ...], Reason] = {}
 
     def add(self, estimate: Estimate) -> None:
         self._reasons[estimate.status] = estimate.reasons
@@ -50,7 +50,7 @@ class _Quantity:
         if estimate.status is not Status.VALID and estimate.reasons:
             doubt = estimate.reasons[0]
             self._doubts[doubt.kind] += 1
-            self._doubt_of[doubt.kind] = doubt
+            self._doubt_by_kind[doubt.kind] = doubt
 
     @property
     def valid(self) -> WeightedMean:
@@ -61,15 +61,15 @@ class _Quantity:
         """Return the cells in the order of RECORDING_PARTS."""
         for status, mean in self._means.items():
             if mean.count:
-                return self._of_mean(status, mean)
+                return self._mean_cells(status, mean)
         return None, None, None, 0, str(Status.INVALID), joined(self._reasons.get(Status.INVALID, ()))
 
-    def _of_mean(self, status: Status, mean: WeightedMean) -> tuple[Cell, ...]:
+    def _mean_cells(self, status: Status, mean: WeightedMean) -> tuple[Cell, ...]:
         reasons = self._reasons[status]
         doubts: list[Reason] = []
         if status is Status.VALID and mean.count < _LEAST_VALID_SHARE * self._revolutions:
             doubts.append(Reason(CoreCode.ROW_FEW_VALID, count=mean.count, of=self._revolutions))
-            doubts += [self._doubt_of[kind] for kind, _ in self._doubts.most_common(1)]
+            doubts += [self._doubt_by_kind[kind] for kind, _ in self._doubts.most_common(1)]
         status = Status.PROVISIONAL if doubts or (self._is_steady and mean.varies) else status
         reasons = (*doubts, *mean.reasons, *reasons)
         return mean.value, mean.std, mean.scatter, mean.count, str(status), joined(reasons)
@@ -112,7 +112,7 @@ class WheelRow:
             self._temperature.add(conditions.temperature_degc, math.nan)
             self._temperatures = _extended(self._temperatures, conditions.temperature_degc)
         for estimate in result.estimates:
-            name = distinct_name(estimate.name, _TAKEN)
+            name = distinct_name(estimate.name, _RESERVED_NAMES)
             quantity = self._estimates.get(name)
             if quantity is None:
                 quantity = self._estimates[name] = _Quantity(is_steady=quantity_of(name).is_steady)
@@ -125,16 +125,16 @@ class WheelRow:
             wheel: its last state, None when it is not known.
             estimates: names of the dataset's columns; others go into `other_estimates`.
         """
-        rolled, conditions = self._rolling_s > 0.0, self._last.conditions if self._last is not None else None
+        has_rolled, conditions = self._rolling_s > 0.0, self._last.conditions if self._last is not None else None
         cells: dict[str, Cell] = {
             "revolutions": self._revolutions,
             "revolutions_valid": self._valid,
             "revolutions_saturated": self._saturated,
             "distance_m": self._distance_m,
             "rolling_s": self._rolling_s,
-            "speed_mean_mps": self._distance_m / self._rolling_s if rolled else None,
-            "speed_min_mps": self._speed_mps[0] if rolled else None,
-            "speed_max_mps": self._speed_mps[1] if rolled else None,
+            "speed_mean_mps": self._distance_m / self._rolling_s if has_rolled else None,
+            "speed_min_mps": self._speed_mps[0] if has_rolled else None,
+            "speed_max_mps": self._speed_mps[1] if has_rolled else None,
             "load_n": self._load.value,
             "load_std_n": self._load.std,
             "pressure_pa": self._pressure.value,
@@ -145,9 +145,9 @@ class WheelRow:
             "radius_m": conditions.radius_m if conditions is not None else None,
             "mounting_offset_m": conditions.sensor_offset_m if conditions is not None else None,
             "mounting_offset_std_m": conditions.sensor_offset_std_m if conditions is not None else None,
-            **self._stated(),
+            **self._tire_fields(),
             "noise_mps2": self._noise.value,
-            "missing_fraction": self._missing_s / self._rolling_s if rolled else None,
+            "missing_fraction": self._missing_s / self._rolling_s if has_rolled else None,
             "faults": json_cell([{**as_json(fault), "count": n} for fault, n in self._faults.most_common()]),
         }
         if wheel is not None:
@@ -174,12 +174,12 @@ class WheelRow:
             collected = self._estimates.get(name)
             if collected is not None:
                 cells |= dict(zip((name + part for part in RECORDING_PARTS), collected.cells(), strict=True))
-        late = {
+        others = {
             name: dict(zip((part or "value" for part in RECORDING_PARTS), collected.cells(), strict=True))
             for name, collected in self._estimates.items()
             if name not in estimates
         }
-        cells["other_estimates"] = json.dumps(late, ensure_ascii=False, allow_nan=False) if late else None
+        cells["other_estimates"] = json.dumps(others, ensure_ascii=False, allow_nan=False) if others else None
         return cells
 
     def quantities(self) -> Iterator[tuple[str, tuple[Cell, ...]]]:
@@ -201,7 +201,7 @@ class WheelRow:
         """Of the last revolution, None without one."""
         return None if self._last is None else self._last.conditions
 
-    def _stated(self) -> dict[str, Cell]:
+    def _tire_fields(self) -> dict[str, Cell]:
         """Return what the configuration states of the tire, and when the hub's clock was zero."""
         if self._last is None:
             return {}

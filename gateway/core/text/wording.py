@@ -50,9 +50,9 @@ _UNITS: Final = {
 _MOST_TIMES: Final = 10.0
 
 
-def _unsigned_zero(shown: str) -> str:
+def _unsigned_zero(number: str) -> str:
     """Return a printed number without the sign of a zero."""
-    return shown[1:] if shown.startswith("-") and not any(digit in shown for digit in "123456789n") else shown
+    return number[1:] if number.startswith("-") and not any(digit in number for digit in "123456789n") else number
 
 
 def _utc(time_s: float) -> str:
@@ -72,8 +72,8 @@ def _with_error(value: float, spec: str) -> str:
     """
     error, _, unit = spec.partition(" ")
     factor = 1.0 if unit.startswith("of ") else _UNITS[unit]
-    symbol, shown, *_ = conversion(unit.removeprefix("of "), shown_units())
-    return f"{round_to_error(value * factor * shown, float(error) * factor * shown).joined()} {symbol}".rstrip()
+    symbol, scale, *_ = conversion(unit.removeprefix("of "), shown_units())
+    return f"{round_to_error(value * factor * scale, float(error) * factor * scale).joined()} {symbol}".rstrip()
 
 
 class _Template(string.Formatter):
@@ -119,15 +119,15 @@ def _with_unit(value: Any, format_spec: str) -> str:
         if decimals and number.endswith("f"):
             number = f".{int(number[1:-1]) + decimals}f"
         value, unit = value * _UNITS[unit] * factor + offset, symbol
-    shown = format(value, number)
-    if number.endswith("g") and "e+0" in shown:
+    formatted = format(value, number)
+    if number.endswith("g") and "e+0" in formatted:
         # Few digits of a large number: 20, not 2e+01.
-        shown = f"{float(shown):.0f}"
+        formatted = f"{float(formatted):.0f}"
     if unit:
-        return f"{_unsigned_zero(shown)} {unit}"
+        return f"{_unsigned_zero(formatted)} {unit}"
     if format_spec.endswith("%"):
-        shown = f"{shown[:-1]} %"
-    return _unsigned_zero(shown) if isinstance(value, float) else shown
+        formatted = f"{formatted[:-1]} %"
+    return _unsigned_zero(formatted) if isinstance(value, float) else formatted
 
 
 def text(reason: Reason) -> str:
@@ -144,10 +144,10 @@ def _text(reason: Reason, units: ShownUnits) -> str:  # noqa: ARG001 - the texts
             for name, templates in reason.code.words.items()
             if str(values[name]) in templates
         }
-        said = _FORMATTER.vformat(reason.code.text_template, (), {**values, **worded})
+        sentence = _FORMATTER.vformat(reason.code.text_template, (), {**values, **worded})
         if "consequences" in values:
-            said += _FORMATTER.vformat("; this also changes {consequences:series}", (), values)
-        return said
+            sentence += _FORMATTER.vformat("; this also changes {consequences:series}", (), values)
+        return sentence
     except (LookupError, TypeError, ValueError):  # a plug-in may give a code with values that are not the code's
         return str(reason.code)
 
@@ -159,8 +159,8 @@ def joined(reasons: Iterable[Reason]) -> str:
 
 def notice_text(notice: Notice) -> str:
     """Return a notice as one line: its subject, then its reason; a matter of security is marked as such."""
-    said = f"{escaped(notice.subject)}: {text(notice.reason)}" if notice.subject else text(notice.reason)
-    return f"SECURITY: {said}" if notice.level is Level.SECURITY else said
+    line = f"{escaped(notice.subject)}: {text(notice.reason)}" if notice.subject else text(notice.reason)
+    return f"SECURITY: {line}" if notice.level is Level.SECURITY else line
 
 
 def as_json(reason: Reason) -> dict[str, Any]:

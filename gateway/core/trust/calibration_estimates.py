@@ -43,7 +43,7 @@ _CLOSURE_STD: Final = 1.5e-4
 _CONTACT_LEVEL: Final = (-0.025, 0.035)
 # Share of its prior error below which the zero-g offset counts as determined, and of a stated error below which a
 # measured value stands against a statement that contradicts it.
-_SEPARATED: Final = 0.3
+_SEPARATION_SHARE: Final = 0.3
 _ROLL_SEPARATED_RAD: Final = math.radians(0.2)
 # Revolutions from which the estimates are settled.
 LEAST_REVOLUTIONS: Final = 8
@@ -58,23 +58,23 @@ def mounting_estimates(conditions: TireConditions, step: CalibrationStep, unsure
         unsure: relative error of gain or rate beyond what is stated.
     """
     if step.pitch is None or step.offset is None:
-        reason = step.refused or _why_without(step)
+        reason = step.refused or _missing_reason(step)
         return Estimate.invalid(NAMES[4], reason), Estimate.invalid(NAMES[5], reason)
-    doubt = step.refused or _unsettled(step)
+    doubt = step.refused or _settling_reason(step)
     value, std = step.offset
     offset = _estimate(NAMES[5], Measurement(value, math.hypot(std, unsure * value)) if unsure else step.offset, doubt)
     if step.against:
         offset = offset._replace(reasons=(*offset.reasons, Reason(TrustCode.AXIS_AGAINST_ROLLING, axis=_ALONG_NAME)))
     stated_m, stated_std_m = conditions.claims.offset_m, conditions.claims.offset_std_m
     if stated_m is not None and abs(stated_m - step.offset.value) > 3.0 * math.hypot(stated_std_m, step.offset.std):
-        is_worse = offset.status is Status.VALID and step.offset.std > _SEPARATED * stated_std_m
+        is_worse = offset.status is Status.VALID and step.offset.std > _SEPARATION_SHARE * stated_std_m
         status = Status.PROVISIONAL if is_worse else offset.status
         contradiction = Reason(TrustCode.OTHER_OFFSET_STATED, stated_m=stated_m)
         offset = offset._replace(status=status, reasons=(*offset.reasons, contradiction))
     return _estimate(NAMES[4], step.pitch, doubt), offset
 
 
-def _why_without(step: CalibrationStep) -> Reason:
+def _missing_reason(step: CalibrationStep) -> Reason:
     """Return why there is no estimate from the circumferential axis after a revolution that was used."""
     gravity = None if step.measured is None else step.measured.along_gravity
     if gravity is not None and gravity.is_absent:
@@ -113,7 +113,7 @@ def roll_estimate(
     mixed = 0.0 if step.measured is None else step.measured.tilt.mixed
     by_gains = math.hypot(conditions.claims.gain_std, conditions.claims.lateral_gain_std) * roll_rad
     widened = Measurement(roll_rad, math.hypot(roll_std_rad, by_gains, mixed))
-    doubt = step.refused or _unsettled(step)
+    doubt = step.refused or _settling_reason(step)
     if doubt is None and roll_std_rad > _ROLL_SEPARATED_RAD:
         doubt = Reason(TrustCode.NEEDS_TWO_SPEEDS, quantity="roll tilt")
     return _estimate(NAMES[3], widened, doubt)
@@ -137,34 +137,34 @@ def gain_estimates(
         return first, second, third
     stds = np.array(PRIOR_STDS)
     covariance = np.linalg.inv(information + np.diag(stds**-2.0))
-    change = covariance @ step.sums[RIGHT]
+    corrections = covariance @ step.sums[RIGHT]
     steady = covariance @ step.sums[STEADY] * _CLOSURE_STD
     errors = np.sqrt(np.diag(covariance) + np.square(steady))
     by_speed = speed_errors(Equations(*step.sums[MEAN].tolist()))
     errors[1] = math.hypot(errors[1], by_speed.zero_mps2)
-    present = np.array([1.0, 0.0, step.warm, 0.0])
-    gain_value = 1.0 + float(present @ change)
-    radius = conditions.radius_std_m / conditions.radius_m
+    gradient = np.array([1.0, 0.0, step.warm, 0.0])
+    gain_value = 1.0 + float(gradient @ corrections)
+    radius_error = conditions.radius_std_m / conditions.radius_m
     gain_std = math.sqrt(
-        float(present @ covariance @ present) + float(present @ steady) ** 2 + (gain_value * radius) ** 2
+        float(gradient @ covariance @ gradient) + float(gradient @ steady) ** 2 + (gain_value * radius_error) ** 2
     )
-    doubt = refused or _unsettled(step)
+    doubt = refused or _settling_reason(step)
     one_speed = Reason(TrustCode.NEEDS_TWO_SPEEDS, quantity="gain")
-    together = errors[1] > _SEPARATED * PRIOR_STDS[1]
-    if not together:
+    is_unseparated = errors[1] > _SEPARATION_SHARE * PRIOR_STDS[1]
+    if not is_unseparated:
         gain_std = math.hypot(gain_std, by_speed.gain)
-    zero, stated_std = Measurement(float(change[1]), float(errors[1])), conditions.claims.zero_g_std_mps2
-    other_zero = zero_contradicted(*zero, stated_std) if zero.std > _SEPARATED * stated_std else None
+    zero, stated_std = Measurement(float(corrections[1]), float(errors[1])), conditions.claims.zero_g_std_mps2
+    contradiction = zero_contradicted(*zero, stated_std) if zero.std > _SEPARATION_SHARE * stated_std else None
     return (
-        _estimate(NAMES[0], Measurement(gain_value, gain_std), doubt or (one_speed if together else None)),
-        Estimate.invalid(NAMES[1], one_speed) if together else _estimate(NAMES[1], zero, doubt or other_zero),
+        _estimate(NAMES[0], Measurement(gain_value, gain_std), doubt or (one_speed if is_unseparated else None)),
+        Estimate.invalid(NAMES[1], one_speed) if is_unseparated else _estimate(NAMES[1], zero, doubt or contradiction),
         Estimate.invalid(NAMES[2], Reason(TrustCode.NEEDS_TEMPERATURE_CHANGE))
-        if errors[2] > _SEPARATED * PRIOR_STDS[2]
-        else _estimate(NAMES[2], Measurement(float(change[2]), float(errors[2])), doubt),
+        if errors[2] > _SEPARATION_SHARE * PRIOR_STDS[2]
+        else _estimate(NAMES[2], Measurement(float(corrections[2]), float(errors[2])), doubt),
     )
 
 
-def _unsettled(step: CalibrationStep) -> Reason | None:
+def _settling_reason(step: CalibrationStep) -> Reason | None:
     if step.revolutions >= LEAST_REVOLUTIONS:
         return None
     return Reason(CoreCode.NOT_SETTLED, revolutions=step.revolutions, needed=LEAST_REVOLUTIONS)

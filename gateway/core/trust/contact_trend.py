@@ -8,9 +8,9 @@ from gateway.core.estimates.estimator import Revolution
 
 # Memory of the numbers' averages.
 _MEMORY: Final = 50
-_LEAST: Final = 8
+_MIN_REVOLUTIONS: Final = 8
 # Revolutions over which a swinging load or the road move successive contacts alike.
-_ALIKE: Final = 3.0
+_CORRELATED_REVOLUTIONS: Final = 3.0
 # Change of the logarithm of the squared speed below which the contact's change by speed is not to be seen.
 _LEAST_SPEED_CHANGE: Final = 0.02
 
@@ -39,28 +39,28 @@ class ContactTrend:
         if revolution.faults or not (angle_rad > 0.0 and revolution.omega_radps > 0.0):
             return self._last
         self._count += 1
-        share = 1.0 / min(self._count, _MEMORY)
+        weight = 1.0 / min(self._count, _MEMORY)
         number, speed, contact = self._means
         n = self._count - number
         v = 2.0 * math.log(revolution.omega_radps) - speed
         c = math.log((pressure_pa or 1.0) * angle_rad * angle_rad) - contact
-        self._means = number + share * n, speed + share * v, contact + share * c
-        rest = 1.0 - share
-        self._nn = rest * (self._nn + share * n * n)
-        self._nv = rest * (self._nv + share * n * v)
-        self._nc = rest * (self._nc + share * n * c)
-        self._vv = rest * (self._vv + share * v * v)
-        self._vc = rest * (self._vc + share * v * c)
-        self._cc = rest * (self._cc + share * c * c)
-        self._last = self._error() if self._count >= _LEAST else 0.0
+        self._means = number + weight * n, speed + weight * v, contact + weight * c
+        retained = 1.0 - weight
+        self._nn = retained * (self._nn + weight * n * n)
+        self._nv = retained * (self._nv + weight * n * v)
+        self._nc = retained * (self._nc + weight * n * c)
+        self._vv = retained * (self._vv + weight * v * v)
+        self._vc = retained * (self._vc + weight * v * c)
+        self._cc = retained * (self._cc + weight * c * c)
+        self._last = self._error() if self._count >= _MIN_REVOLUTIONS else 0.0
         return self._last
 
     def _error(self) -> float:
         vv = self._vv + _LEAST_SPEED_CHANGE**2
-        beside_speed = self._nn - self._nv * self._nv / vv
-        slope = (self._nc - self._nv * self._vc / vv) / beside_speed
-        scatter = max(self._cc - self._vc * self._vc / vv - slope * slope * beside_speed, 0.0)
+        number_residual = self._nn - self._nv * self._nv / vv
+        slope = (self._nc - self._nv * self._vc / vv) / number_residual
+        scatter = max(self._cc - self._vc * self._vc / vv - slope * slope * number_residual, 0.0)
         # Of evenly many revolutions; a fading memory has the like of it.
         span = math.sqrt(12.0 * self._nn)
-        std = span * math.sqrt(_ALIKE * scatter / (min(self._count, _MEMORY) * beside_speed))
+        std = span * math.sqrt(_CORRELATED_REVOLUTIONS * scatter / (min(self._count, _MEMORY) * number_residual))
         return disagreement_std(span * slope, max(std, 1e-6))

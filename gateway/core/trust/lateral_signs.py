@@ -13,16 +13,16 @@ belt's shift to the left rises with that ratio too.
 import math
 from typing import Final
 
-_LEAST: Final = 30
+_MIN_REVOLUTIONS: Final = 30
 # Correlation that the line must have, and its standard errors from none: errors last for some revolutions.
 _CORRELATION: Final = 0.35
-_ERRORS: Final = 6.0
+_CORRELATION_ERRORS: Final = 6.0
 # Tracks from karts to mining trucks, with what loads change of rolling radii.
 _TRACKS_M: Final = (0.5, 8.0)
 # Revolutions within which a shift is compared: tires warm up, and lose pressure.
 _SHIFT_REVOLUTIONS: Final = 256
 # Latest revolutions that may refute the sign of all.
-_REFUTING: Final = 256
+_REFUTING_REVOLUTIONS: Final = 256
 
 
 class _Line:
@@ -42,20 +42,20 @@ class _Line:
         """Add a revolution: curvature or shift, and what the ratio of the speeds has beyond 1."""
         self.count += 1
         changes = tuple(value - mean for value, mean in zip(values, self._means, strict=True))
-        share = 1.0 / min(self.count, self._memory)
-        self._means = (self._means[0] + share * changes[0], self._means[1] + share * changes[1])
-        weight = 1.0 - share
-        self._squares = (self._squares[0] + weight * changes[0] ** 2, self._squares[1] + weight * changes[1] ** 2)
-        self._product += weight * changes[0] * changes[1]
+        weight = 1.0 / min(self.count, self._memory)
+        self._means = (self._means[0] + weight * changes[0], self._means[1] + weight * changes[1])
+        retained = 1.0 - weight
+        self._squares = (self._squares[0] + retained * changes[0] ** 2, self._squares[1] + retained * changes[1] ** 2)
+        self._product += retained * changes[0] * changes[1]
 
     @property
     def sign(self) -> int:
         """1 where the axis points to the left, -1 where it points to the right, 0 where no curve has shown it."""
         scale = math.sqrt(self._squares[0] * self._squares[1])
-        if self.count < _LEAST or not scale:
+        if self.count < _MIN_REVOLUTIONS or not scale:
             return 0
         square = (self._product / scale) ** 2
-        if square < max(_CORRELATION**2, _ERRORS**2 * (1.0 - square) / self.count):
+        if square < max(_CORRELATION**2, _CORRELATION_ERRORS**2 * (1.0 - square) / self.count):
             return 0
         slope = self._product / self._squares[0]
         return int(math.copysign(1.0, slope)) if self._slopes[0] < abs(slope) < self._slopes[1] else 0
@@ -65,8 +65,8 @@ class _Lines:
     """A line through `every` revolution, and one through the latest ones, which may contradict it."""
 
     def __init__(self, slopes: tuple[float, float], memory: float) -> None:
-        self._of = slopes, memory
-        self.every, self._latest = _Line(*self._of), _Line(*self._of)
+        self._line_parameters = slopes, memory
+        self.every, self._latest = _Line(*self._line_parameters), _Line(*self._line_parameters)
 
     def take(self, value: float, ratio: float) -> None:
         """Add a revolution; values that are not finite are ignored."""
@@ -74,10 +74,10 @@ class _Lines:
             return
         for line in (self.every, self._latest):
             line.take(value, ratio - 1.0)
-        if self._latest.count == _REFUTING:
+        if self._latest.count == _REFUTING_REVOLUTIONS:
             if self._latest.sign * self.every.sign < 0:
                 self.every = self._latest
-            self._latest = _Line(*self._of)
+            self._latest = _Line(*self._line_parameters)
 
 
 class LateralSign:

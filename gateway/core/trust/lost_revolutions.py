@@ -34,7 +34,7 @@ _NOT_DETERMINED: Final = frozenset(
         CoreCode.CORRELATED,
     }
 )
-_CHANCE: Final = 0.5
+_CHANCE_ERRORS: Final = 0.5
 # Of an average whose memory is not declared.
 _MEMORY_REVOLUTIONS: Final = 50
 
@@ -52,7 +52,7 @@ class LossStreak:
 
     def reset(self) -> None:
         """Forget everything, as after a change of tire."""
-        self._streak = self._taken = 0
+        self._streak = self._averaged_count = 0
         # Mean distance of those that are averaged, up to the latest.
         self._distance = 1.0
 
@@ -62,8 +62,8 @@ class LossStreak:
             self._streak += 1
             return self._streak / self._distance
         if not revolution.faults:
-            self._taken += 1
-            weight = 1.0 / min(self._taken, _MEMORY_REVOLUTIONS)
+            self._averaged_count += 1
+            weight = 1.0 / min(self._averaged_count, _MEMORY_REVOLUTIONS)
             self._distance += weight * (self._streak + 1.0 - self._distance)
         self._streak = 0
         return 0.0
@@ -87,7 +87,7 @@ class SteadyStatus:
 
     def reset(self) -> None:
         """Forget everything, as after a change of tire."""
-        self._before: tuple[Estimate, ...] = ()
+        self._previous: tuple[Estimate, ...] = ()
 
     def steadied(self, estimates: tuple[Estimate, ...], streak: float) -> tuple[Estimate, ...]:
         """Return the estimates of the next revolution with the status that they keep.
@@ -99,49 +99,49 @@ class SteadyStatus:
         # Most revolutions lower nothing.
         lowered = [
             index
-            for index, (estimate, before) in enumerate(zip(estimates, self._before, strict=False))
-            if estimate.status is Status.PROVISIONAL and before.status is Status.VALID
+            for index, (estimate, prior) in enumerate(zip(estimates, self._previous, strict=False))
+            if estimate.status is Status.PROVISIONAL and prior.status is Status.VALID
         ]
         if lowered:
             steady = list(estimates)
             for index in lowered:
-                steady[index] = self._held(estimates[index], self._before[index], streak)
+                steady[index] = self._restored(estimates[index], self._previous[index], streak)
             estimates = tuple(steady)
-        self._before = estimates
+        self._previous = estimates
         return estimates
 
-    def _held(self, estimate: Estimate, before: Estimate, streak: float) -> Estimate:
+    def _restored(self, estimate: Estimate, prior: Estimate, streak: float) -> Estimate:
         codes = {reason.code for reason in estimate.reasons}
-        by_limit = _of_limit(estimate)
-        others = (
-            codes - {reason.code for reason in before.reasons} - by_limit - _NOTES - {EstimateCode.REVOLUTION_NOT_USED}
+        near_limit = _limit_codes(estimate)
+        other_codes = (
+            codes - {reason.code for reason in prior.reasons} - near_limit - _NOTES - {EstimateCode.REVOLUTION_NOT_USED}
         )
         is_unused = EstimateCode.REVOLUTION_NOT_USED in codes
         # Without either, a reason that a valid value has as well lowers the status, by its size, or none is stated.
-        if others or estimate.name != before.name or not (by_limit or is_unused):
+        if other_codes or estimate.name != prior.name or not (near_limit or is_unused):
             return estimate
         std = estimate.std
         if is_unused:
             if not 0.0 < streak <= self._memory.get(estimate.name, MOST_UNSEEN):
                 return estimate
-            std = max(std, before.std)
+            std = max(std, prior.std)
         reasons = estimate.reasons
-        if by_limit:
-            reasons = tuple([reason for reason in reasons if reason.code not in by_limit])
+        if near_limit:
+            reasons = tuple([reason for reason in reasons if reason.code not in near_limit])
         return estimate._replace(std=std, status=Status.VALID, reasons=reasons)
 
 
-def _of_limit(estimate: Estimate) -> frozenset[Code]:
+def _limit_codes(estimate: Estimate) -> frozenset[Code]:
     """Return the codes of the reasons that say that a value is not determined, where it nearly is."""
     for reason in estimate.reasons:
         if reason.code is CoreCode.NOT_DETERMINED:
-            beyond = DETERMINED * _number(reason["relative_error"])
+            limit_ratio = DETERMINED * _number(reason["relative_error"])
         elif reason.code is TrustCode.FORCE_NOT_DETERMINED:
             by_value = DETERMINED * estimate.std / abs(estimate.value) if estimate.value else math.inf
-            beyond = min(_number(reason["share"]) / _number(reason["limit"]), by_value)
+            limit_ratio = min(_number(reason["share"]) / _number(reason["limit"]), by_value)
         else:
             continue
-        return _NOT_DETERMINED if 1.0 <= beyond <= DETERMINED / (DETERMINED - _CHANCE) else frozenset()
+        return _NOT_DETERMINED if 1.0 <= limit_ratio <= DETERMINED / (DETERMINED - _CHANCE_ERRORS) else frozenset()
     return frozenset()
 
 

@@ -19,10 +19,10 @@ from gateway.core.trust.signal_evidence import Contradiction, Evidence, Subject
 
 # Standard errors beyond what is possible from which a value is not one of its quantity. Many a true value is zero, and
 # one in 160 is so far below it by chance. None is at another limit.
-_BEYOND_ZERO: Final = 2.5
-_BEYOND: Final = 1.0
+_ZERO_TOLERANCE: Final = 2.5
+_LIMIT_TOLERANCE: Final = 1.0
 # Statements that scale all numbers of the ring, and that no signal contradicts.
-_UNSEEN: Final = (Basis.LOAD, Basis.PRESSURE)
+_SCALINGS: Final = (Basis.LOAD, Basis.PRESSURE)
 # Lag of an average over its change within its memory. A mean of all is behind by half of a steady drift, an exponential
 # one by all of it.
 _LAG: Final = 0.7
@@ -37,7 +37,7 @@ class Qualification:
         self._rules = setup.rules
         quantities = () if setup.sensor.lateral_is_left else quantities_of(estimator)
         # Quantities whose sign nobody can know.
-        self._signed = frozenset(quantity.name for quantity in quantities if Basis.SIGN in quantity.rests_on)
+        self._signed_names = frozenset(quantity.name for quantity in quantities if Basis.SIGN in quantity.rests_on)
         self._drift = OwnDrift(estimator)
         self._follows_drift = self._drift.applies and DoubtRule.OWN_DRIFT in setup.rules
         self._status = SteadyStatus(estimator)
@@ -67,8 +67,8 @@ class Qualification:
         finals = []
         for index, raw in enumerate(estimates):
             final = qualified(raw, evidences[index], doubts[index], revolutions[index].uncorrected, self._rules)
-            if self._signed:
-                final = _unsigned(final, self._signed)
+            if self._signed_names:
+                final = _with_sign_note(final, self._signed_names)
             if self._follows_drift:
                 final = self._drift.widened(final)
             finals.append(self._status.steadied(final, streaks[index]))
@@ -125,17 +125,17 @@ def qualified(
         rules: those that apply.
     """
     if uncorrected is not None:
-        why = Reason(TrustCode.EFFECTS_NOT_SUBTRACTED, why=uncorrected)
-        estimates = provisional_where(estimates, Basis.WAVEFORM, why)
+        reason = Reason(TrustCode.EFFECTS_NOT_SUBTRACTED, why=uncorrected)
+        estimates = provisional_where(estimates, Basis.WAVEFORM, reason)
     if evidence.says_anything:
         estimates = tuple(evidence.qualified(estimate) for estimate in estimates)
     for doubt in doubts if DoubtRule.SENSOR_LIMITS in rules else ():
         estimates = provisional_where(estimates, *doubt)
     for name, value, _, _, _, _ in estimates if DoubtRule.POSSIBLE in rules else ():
-        least, greatest = _range_of(name)
+        minimum, maximum = _range_of(name)
         # Hardly ever; not a number is not beyond them.
-        if value < least or value > greatest:
-            return _possible(estimates)
+        if value < minimum or value > maximum:
+            return _check_plausibility(estimates)
     return estimates
 
 
@@ -166,7 +166,7 @@ def verified(estimates: Iterable[Estimate]) -> tuple[Estimate, ...]:
     )
 
 
-def _unsigned(estimates: tuple[Estimate, ...], names: frozenset[str]) -> tuple[Estimate, ...]:
+def _with_sign_note(estimates: tuple[Estimate, ...], names: frozenset[str]) -> tuple[Estimate, ...]:
     """Return estimates with the note that the sign of those of the names is not verified, if they are not invalid."""
     return tuple(
         [
@@ -185,7 +185,7 @@ def _range_of(name: str) -> tuple[float, float]:
     return quantity_of(name).possible
 
 
-def _possible(estimates: tuple[Estimate, ...]) -> tuple[Estimate, ...]:
+def _check_plausibility(estimates: tuple[Estimate, ...]) -> tuple[Estimate, ...]:
     """Return estimates, provisional at best where no tire, sensor or road can have their values.
 
     Load or pressure that are wrong explain numbers that no tire has, and change all that they scale. What they do not
@@ -193,37 +193,37 @@ def _possible(estimates: tuple[Estimate, ...]) -> tuple[Estimate, ...]:
     """
     causes: list[Contradiction] = []
     marked: list[Estimate] = []
-    not_of_a_belt: Reason | None = None
+    waveform_reason: Reason | None = None
     for estimate in estimates:
-        why = _beyond(estimate)
-        marked.append(estimate if why is None else provisional(estimate, why))
+        reason = _impossible(estimate)
+        marked.append(estimate if reason is None else provisional(estimate, reason))
         powers = quantity_of(estimate.name).powers
-        if why is not None and not powers and Basis.WAVEFORM in quantity_of(estimate.name).rests_on:
-            not_of_a_belt = why
-        if why is not None and any(cause in powers for cause in _UNSEEN):
-            least, greatest = _range_of(estimate.name)
-            limit = min(max(estimate.value, least), greatest)
-            needed = limit / estimate.value if estimate.value else 0.0
-            ratios = {cause: needed ** (1.0 / powers[cause]) for cause in _UNSEEN if needed > 0.0 and cause in powers}
-            causes.append(Contradiction(Subject.CONDITIONS, why, ratios))
-    if not_of_a_belt is not None:
-        marked = [*provisional_where(marked, Basis.WAVEFORM, not_of_a_belt)]
+        if reason is not None and not powers and Basis.WAVEFORM in quantity_of(estimate.name).rests_on:
+            waveform_reason = reason
+        if reason is not None and any(cause in powers for cause in _SCALINGS):
+            minimum, maximum = _range_of(estimate.name)
+            limit = min(max(estimate.value, minimum), maximum)
+            ratio = limit / estimate.value if estimate.value else 0.0
+            ratios = {cause: ratio ** (1.0 / powers[cause]) for cause in _SCALINGS if ratio > 0.0 and cause in powers}
+            causes.append(Contradiction(Subject.CONDITIONS, reason, ratios))
+    if waveform_reason is not None:
+        marked = [*provisional_where(marked, Basis.WAVEFORM, waveform_reason)]
     if not causes:
         return tuple(marked)
     evidence = Evidence.of_contradictions(tuple(causes))
     return tuple(
-        estimate if estimate.reasons and _beyond(estimate) else evidence.qualified(estimate) for estimate in marked
+        estimate if estimate.reasons and _impossible(estimate) else evidence.qualified(estimate) for estimate in marked
     )
 
 
-def _beyond(estimate: Estimate) -> Reason | None:
+def _impossible(estimate: Estimate) -> Reason | None:
     """Return that no tire, sensor or road can have the value of an estimate; None where one can."""
     if estimate.status is Status.INVALID:
         return None
-    least, greatest = _range_of(estimate.name)
-    below = estimate.value < least
-    beyond, limit = (least - estimate.value, least) if below else (estimate.value - greatest, greatest)
-    if not beyond > 0.0 or beyond <= (_BEYOND if limit else _BEYOND_ZERO) * estimate.std:
+    minimum, maximum = _range_of(estimate.name)
+    is_below = estimate.value < minimum
+    excess, limit = (minimum - estimate.value, minimum) if is_below else (estimate.value - maximum, maximum)
+    if not excess > 0.0 or excess <= (_LIMIT_TOLERANCE if limit else _ZERO_TOLERANCE) * estimate.std:
         return None
     quantity = quantity_of(estimate.name)
     return Reason(TrustCode.NOT_POSSIBLE, quantity=quantity.label or quantity.name)

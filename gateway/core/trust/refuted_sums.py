@@ -19,7 +19,7 @@ _CLOSURE_BY_DEPTH: Final = 0.2
 _STRETCH_STD: Final = 3e-4
 # Relative error of the steady value that may go with the speed: the belt's shape and the sensor's offset, which the
 # mean depends on, are known better from revolution to revolution, and the sensor warms up.
-_MEAN_WITH_SPEED: Final = 4e-5
+_MEAN_SPEED_ERROR: Final = 4e-5
 # Standard errors by which gravity must speak for another gain where the steady value is as expected, and its least
 # error: order 1 of the wheel's own vibration looks like gravity.
 GRAVITY_ALONE: Final = 5.0
@@ -28,9 +28,9 @@ ZERO_MEASURED: Final = 0.3
 """Share of its stated error below which the zero-g offset counts as measured."""
 # Standard errors within which the latest revolutions agree with a statement: less than those of a contradiction, so
 # that one at the limit does not come and go.
-_AGREEING: Final = 2.0
+_AGREEMENT_ERRORS: Final = 2.0
 # Share of a zero-g offset that a mean must lack.
-_LACKING: Final = 0.5
+_LACKING_SHARE: Final = 0.5
 
 
 class Equations(NamedTuple):
@@ -72,7 +72,7 @@ def speed_errors(equations: Equations) -> SpeedErrors:
     spread2 = equations.aa / equations.bb - mean * mean
     if not spread2 > 1e-12 * mean * mean:
         return SpeedErrors(math.inf, math.inf)
-    gain = _MEAN_WITH_SPEED * abs(mean) / math.sqrt(spread2)
+    gain = _MEAN_SPEED_ERROR * abs(mean) / math.sqrt(spread2)
     return SpeedErrors(gain, gain * abs(mean))
 
 
@@ -141,7 +141,7 @@ class Comparison(NamedTuple):
         return self.is_certain and abs(self.difference) > errors * math.hypot(self.std, self.stated_std)
 
 
-_SILENT: Final = Comparison(0.0, math.inf, 0.0, is_certain=False)
+_NO_COMPARISON: Final = Comparison(0.0, math.inf, 0.0, is_certain=False)
 
 
 def contradicted(
@@ -164,10 +164,10 @@ def contradicted(
     )
 
 
-def _compared(value: Value | None, stated: float, stated_std: float, most_std: float) -> Comparison:
+def _compared(value: Value | None, stated_value: float, stated_std: float, limit_std: float) -> Comparison:
     if value is None:
-        return _SILENT
-    return Comparison(value.value - stated, value.std, stated_std, value.std < most_std)
+        return _NO_COMPARISON
+    return Comparison(value.value - stated_value, value.std, stated_std, value.std < limit_std)
 
 
 def is_refuted(every: tuple[Comparison, ...], latest: tuple[Comparison, ...], *, at_odds: bool) -> bool:
@@ -178,15 +178,15 @@ def is_refuted(every: tuple[Comparison, ...], latest: tuple[Comparison, ...], *,
         latest: those of the latest ones.
         at_odds: whether the latest ones lack the zero-g offset of earlier ones, which they need not measure then.
     """
-    if any(each.is_beyond(_AGREEING) for each in latest):
+    if any(comparison.is_beyond(_AGREEMENT_ERRORS) for comparison in latest):
         return False
     if at_odds and every[1].is_beyond(CONTRADICTION):
         return True
     return any(
-        of_all.is_beyond(CONTRADICTION)
-        and of_latest.is_certain
-        and abs(of_all.difference - of_latest.difference) > CONTRADICTION * math.hypot(of_all.std, of_latest.std)
-        for of_all, of_latest in zip(every, latest, strict=True)
+        overall.is_beyond(CONTRADICTION)
+        and recent.is_certain
+        and abs(overall.difference - recent.difference) > CONTRADICTION * math.hypot(overall.std, recent.std)
+        for overall, recent in zip(every, latest, strict=True)
     )
 
 
@@ -202,10 +202,10 @@ def are_at_odds(groups: Sequence[Equations], latest: Equations, zero_std_mps2: f
         latest: of the latest revolutions.
         zero_std_mps2: of the stated zero-g offset.
     """
-    return latest.bb > 0.0 and sum(_lacks(group, latest, zero_std_mps2) for group in groups) > 1
+    return latest.bb > 0.0 and sum(_lacks_zero(group, latest, zero_std_mps2) for group in groups) > 1
 
 
-def _lacks(group: Equations, latest: Equations, zero_std_mps2: float) -> bool:
+def _lacks_zero(group: Equations, latest: Equations, zero_std_mps2: float) -> bool:
     """Return whether the latest mean lacks a zero-g offset that a group has beyond the error of what is stated."""
     zero = zero_offset(group, math.inf)
     if zero is None or abs(zero.value) <= CONTRADICTION * math.hypot(zero.std, zero_std_mps2):
@@ -213,16 +213,16 @@ def _lacks(group: Equations, latest: Equations, zero_std_mps2: float) -> bool:
     aa, ab, bb, a, _ = group
     speed = latest.ab / latest.bb
     expected = (a - ab * zero.value) / aa * speed + zero.value
-    by_group = (bb * speed * speed - 2.0 * ab * speed + aa) / (aa * bb - ab * ab)
-    with_speed = speed_errors(group).gain * (speed - ab / bb)
-    std = math.sqrt(max(by_group, 0.0) + with_speed**2 + 1.0 / latest.bb)
-    lacking = math.copysign(1.0, zero.value) * (expected - latest.b / latest.bb)
-    return lacking > max(_LACKING * abs(zero.value), CONTRADICTION * std)
+    group_variance = (bb * speed * speed - 2.0 * ab * speed + aa) / (aa * bb - ab * ab)
+    speed_std = speed_errors(group).gain * (speed - ab / bb)
+    std = math.sqrt(max(group_variance, 0.0) + speed_std**2 + 1.0 / latest.bb)
+    deficit = math.copysign(1.0, zero.value) * (expected - latest.b / latest.bb)
+    return deficit > max(_LACKING_SHARE * abs(zero.value), CONTRADICTION * std)
 
 
 def are_silent(every: tuple[Comparison, ...], latest: tuple[Comparison, ...]) -> bool:
     """Return whether the latest revolutions say nothing of a statement that all revolutions contradict."""
     return any(
-        of_all.is_beyond(CONTRADICTION) and not of_latest.is_certain
-        for of_all, of_latest in zip(every, latest, strict=True)
+        overall.is_beyond(CONTRADICTION) and not recent.is_certain
+        for overall, recent in zip(every, latest, strict=True)
     )

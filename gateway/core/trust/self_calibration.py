@@ -85,66 +85,66 @@ _MEAN_STD_MPS2: Final = 0.5
 # wheel that brakes or spins does not turn with the constant acceleration that the mean is freed from. Such a difference
 # counts in so many revolutions, and beyond what a usual drive and the timing of contacts make of it.
 _MEAN_BY_JERK: Final = 0.15
-_JERK_LASTS: Final = 3
-_USUAL_JERK: Final = 0.005
+_JERK_REVOLUTIONS: Final = 3
+_NORMAL_JERK: Final = 0.005
 # The same, per square of the relative change of speed in a revolution.
 _MEAN_BY_CHANGE: Final = 0.1
 # Errors from belt stretch and contact shear in the circumferential axis.
 OFFSET_MODEL_M: Final = 2e-5
 PITCH_MODEL_RAD: Final = 4e-4
 _HORIZON_REVOLUTIONS: Final = 2000.0
-_KEEP: Final = 1.0 - 1.0 / _HORIZON_REVOLUTIONS
+_RETENTION: Final = 1.0 - 1.0 / _HORIZON_REVOLUTIONS
 # Order 2 of the circumferential axis that the mounting leaves on belts of random tires, over R Omega^2.
-_HUB_AT_REST: Final = 1e-4
+_HUB_FLOOR: Final = 1e-4
 # Memory of the hub's motion, as that of the running average that contains it.
-_KEEP_OF_HUB: Final = 1.0 - 1.0 / DEFAULT_HORIZON_REVOLUTIONS
+_HUB_RETENTION: Final = 1.0 - 1.0 / DEFAULT_HORIZON_REVOLUTIONS
 # Memory of depth and pitch by the latest revolutions alone, and their standard errors beyond which they are not those
 # of all: the sensor moves, or another axis is read.
-_KEEP_OF_LATEST: Final = 1.0 - 1.0 / 8.0
-_BEYOND_LATEST: Final = 2.0
+_LATEST_RETENTION: Final = 1.0 - 1.0 / 8.0
+_LATEST_TOLERANCE: Final = 2.0
 # Latest revolutions that may refute what all of them say of gain and zero-g offset; more where these have hardly
 # changed their speed.
-_REFUTING: Final = (128, 1024)
+_REFUTING_COUNTS: Final = (128, 1024)
 _GROUPS: Final = 3
 # Relative change of the speed within a revolution up to which gravity is separated from it. In a first revolution it is
 # not known, and given as 0.
 _STEADY_SPEED: Final = 0.03
 # Longest pause between renewals, which look for a change of direction too.
-_LONGEST: Final = 32
+_MAX_PAUSE: Final = 32
 # Ratio of squared residuals from which the circumferential axis points against the rolling direction: gravity of twice
 # its size then remains in order 1.
-_AGAINST: Final = 4.0
+_REVERSAL_RATIO: Final = 4.0
 # Of gravity, motion of the hub and the closure of the belt.
 _GRAVITY_MODEL: Final = 0.01
 # R Omega^2 up to which gravity is looked for: belt stretch and drive add order 1 of up to 1e-3 of it.
-_GRAVITY_SHOWS_MPS2: Final = 1500.0
+_GRAVITY_LIMIT_MPS2: Final = 1500.0
 # Of earlier revolutions in which gravity was looked for, at each further one.
-_KEPT_OF_GRAVITY: Final = 0.9
+_GRAVITY_RETENTION: Final = 0.9
 # Largest order of an axis that stands still.
-_STILL_MPS2: Final = 1e-6
+_INACTIVE_AXIS_MPS2: Final = 1e-6
 # Mean square of kappa R from which the waveform is not that of a belt: 1.06 on a car tire. Nothing that rests on the
 # shape or on gravity can be told from it.
 GREATEST_MEAN_SQUARE: Final = 1.5
 # The equations of one revolution already overdetermine the mounting offset; three average out its jitter.
-_LEAST_OF_OFFSET: Final = 3
+_OFFSET_MIN_COUNT: Final = 3
 # Revolutions in the average whose axes are compared with each other.
-_LEAST_OF_RELATIONS: Final = 2.5
+_RELATIONS_MIN_COUNT: Final = 2.5
 # Those from which their lags are compared with those of other wheels: before, acceleration looks like a lag.
-_LEAST_OF_LAGS: Final = 12.0
+_LAGS_MIN_COUNT: Final = 12.0
 _UNKNOWN_YAW: Final = (math.nan, math.nan)
 
 # Sums of both equations, and of the normal equations, with their places in the products of factors and left-hand sides.
 _EQUATIONS: Final = slice(MEAN.start, GRAVITY.stop)
 _NORMAL: Final = slice(MATRIX.start, RIGHT.stop)
-_OF_EQUATIONS: Final = np.array(
+_EQUATION_PRODUCTS: Final = np.array(
     [5 * row + column for row, column in ((0, 0), (0, 1), (1, 1), (0, 4), (1, 4))]
     + [25 + 5 * row + column for row, column in ((0, 0), (0, 3), (3, 3), (0, 4), (3, 4))]
 )
-_OF_NORMAL: Final = np.array([5 * row + column for row in range(4) for column in range(4)] + [4, 9, 14, 19])
+_NORMAL_PRODUCTS: Final = np.array([5 * row + column for row in range(4) for column in range(4)] + [4, 9, 14, 19])
 
-_START: Final = CalibrationStep(None, 0, np.zeros(SUMS), None, None, 0.0, None, None)
+_INITIAL_STEP: Final = CalibrationStep(None, 0, np.zeros(SUMS), None, None, 0.0, None, None)
 # Factors of the circumferential and the radial axis.
-_TURNED: Final = np.array([[-1.0], [1.0]])
+_REVERSED_SIGNS: Final = np.array([[-1.0], [1.0]])
 
 
 class SelfCalibrationEstimator(BlockEstimator):
@@ -173,7 +173,7 @@ class SelfCalibrationEstimator(BlockEstimator):
         self._after_fault: BoolArray = np.zeros(1, np.bool_)
         # Relative change of the speed in each of the last revolutions before a block, and in its own; NaN where it is
         # not known. Relative errors of the means of its own.
-        self._changes: FloatArray = np.full(_JERK_LASTS, math.nan)
+        self._changes: FloatArray = np.full(_JERK_REVOLUTIONS, math.nan)
         self._mean_errors: FloatArray = np.zeros(0)
         self._has_along = False
         self._is_calibrated = False
@@ -185,7 +185,7 @@ class SelfCalibrationEstimator(BlockEstimator):
         self._with_gravity: FloatArray = np.zeros(4)
         self._along_gravity: AlongGravity | None = None
         # Whether the direction waits for a revolution that shows it.
-        self._is_to_look = False
+        self._is_direction_due = False
         self._hub: FloatArray = np.zeros(HUB_SIZE)
         # Equations of the mounting, of the latest revolutions.
         self._latest: FloatArray = np.zeros(MOUNTING_SIZE)
@@ -197,11 +197,11 @@ class SelfCalibrationEstimator(BlockEstimator):
         # Sums of the axes, and of 1, the square of the speed and the reaction to angular acceleration; what the
         # relations of the axes said at the last renewal.
         self._axes: FloatArray = np.zeros((0, 0))
-        self._axes_with: FloatArray = np.zeros(3)
+        self._axes_moments: FloatArray = np.zeros(3)
         self._relations = AxisRelations()
-        self._by_yaw_m, self._yaw = 0.0, _UNKNOWN_YAW
+        self._yaw_offset_m, self._yaw = 0.0, _UNKNOWN_YAW
         self._roll_by_mean = math.nan
-        self._last = _START
+        self._last = _INITIAL_STEP
         self._steps: list[CalibrationStep] = []
 
     def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
@@ -218,37 +218,37 @@ class SelfCalibrationEstimator(BlockEstimator):
         lost_values = self._steady.update_block(block)
         faulty = [bool(revolution.faults) for revolution in block.revolutions]
         self._after_fault = np.array([self._after_fault[-1], *faulty])
-        self._look_at_speed(block)
+        self._update_mean_errors(block)
         steps: list[CalibrationStep] = []
-        taken: list[int] = []
+        pending: list[int] = []
         for index, revolution in enumerate(block.revolutions):
             lost = lost_values[index]
-            refused = _refused(revolution, block.conditions[index]) if lost is None else steady_value_lost(lost)
-            count = self._last.revolutions + len(taken) + 1
-            due = self._belt is None or is_due(count) or count == LEAST_REVOLUTIONS + 1 or count % _LONGEST == 0
-            due = due or (self._is_to_look and is_evidence(revolution))
-            if refused is not None or due:
-                steps += self._take(block, taken)
-                taken = []
-            if refused is None and due:
-                refused = self._renew(block, index)
+            refused = _refusal(revolution, block.conditions[index]) if lost is None else steady_value_lost(lost)
+            count = self._last.revolutions + len(pending) + 1
+            is_stale = self._belt is None or is_due(count) or count == LEAST_REVOLUTIONS + 1 or count % _MAX_PAUSE == 0
+            is_stale = is_stale or (self._is_direction_due and is_evidence(revolution))
+            if refused is not None or is_stale:
+                steps += self._accumulate(block, pending)
+                pending = []
+            if refused is None and is_stale:
+                refused = self._renew_belt(block, index)
             if refused is None:
-                taken.append(index)
+                pending.append(index)
             else:
                 steps.append(self._last._replace(refused=refused))
-        steps += self._take(block, taken)
+        steps += self._accumulate(block, pending)
         self._steps = steps
         return [(step.measured, lost) for step, lost in zip(steps, lost_values, strict=True)]
 
-    def _look_at_speed(self, block: RevolutionBlock) -> None:
+    def _update_mean_errors(self, block: RevolutionBlock) -> None:
         """Take the error that a change of acceleration makes in the mean of each revolution of a block."""
         changes = block.arrays.omega_dot_radps2 * (2.0 * math.pi) / np.square(block.arrays.omega_radps)
         changes[[revolution.assumed_steady for revolution in block.revolutions]] = math.nan
-        self._changes = np.concatenate([self._changes[-_JERK_LASTS:], changes])
+        self._changes = np.concatenate([self._changes[-_JERK_REVOLUTIONS:], changes])
         jumps = np.nan_to_num(np.abs(np.diff(self._changes)))
-        jerks = np.lib.stride_tricks.sliding_window_view(jumps, _JERK_LASTS).max(axis=1)
+        jerks = np.lib.stride_tricks.sliding_window_view(jumps, _JERK_REVOLUTIONS).max(axis=1)
         by_change = _MEAN_BY_CHANGE * np.square(np.nan_to_num(changes))
-        self._mean_errors = _MEAN_BY_JERK * np.maximum(jerks - _USUAL_JERK, 0.0) + by_change
+        self._mean_errors = _MEAN_BY_JERK * np.maximum(jerks - _NORMAL_JERK, 0.0) + by_change
 
     def estimates(self, block: RevolutionBlock, unsure: Sequence[float] | None = None) -> list[tuple[Estimate, ...]]:
         """Return the estimates after each revolution of the block that was measured last.
@@ -285,7 +285,7 @@ class SelfCalibrationEstimator(BlockEstimator):
             rolls.append(Measurement(self._roll.roll_rad, self._roll.roll_std_rad) if self._roll.count else None)
         return rolls
 
-    def _renew(self, block: RevolutionBlock, index: int) -> Reason | None:
+    def _renew_belt(self, block: RevolutionBlock, index: int) -> Reason | None:
         """Take the belt's shape from the average; return why the average is not usable, None when it is."""
         average, conditions = block.averages.at(index), block.conditions[index]
         if not np.isfinite(average.radial_mps2).all():
@@ -294,47 +294,47 @@ class SelfCalibrationEstimator(BlockEstimator):
             return Reason(CoreCode.NO_STEADY_VALUE)
         if not math.isfinite(float(average.orders_std_mps2[1])):
             return Reason(TrustCode.AVERAGE_ERRORS_UNKNOWN)
-        self._start_again_where_refuted(conditions)
+        self._restart_if_refuted(conditions)
         self._ratio = self._offset_ratio(conditions)
         self._centre_rad = 0.5 * (average.trailing_edge_rad + average.leading_edge_rad)
         self._scatter_mps2 = max(float(average.orders_std_mps2[1]) * math.sqrt(average.effective_count), 1e-3)
         self._belt = belt_kinematics(average.radial_mps2, self._ratio, self._centre_rad)
         if block.revolutions[index].ac_coupled:
             self._last = self._last._replace(floor=floor_gain(average, conditions))
-        self._is_to_look = not is_evidence(block.revolutions[index])
-        if not self._is_to_look:
-            self._look_at_direction(block, index)
+        self._is_direction_due = not is_evidence(block.revolutions[index])
+        if not self._is_direction_due:
+            self._check_direction(block, index)
         if not block.revolutions[index].ac_coupled:
-            self._relate(block, index, (average.leading_edge_rad, average.trailing_edge_rad))
+            self._update_relations(block, index, (average.leading_edge_rad, average.trailing_edge_rad))
         return None
 
-    def _start_again_where_refuted(self, conditions: TireConditions) -> None:
+    def _restart_if_refuted(self, conditions: TireConditions) -> None:
         """Forget the older revolutions where the latest ones agree with a statement that all of them contradict."""
-        if self._refuting_count < _REFUTING[0]:
+        if self._refuting_count < _REFUTING_COUNTS[0]:
             return
         claims = conditions.claims
         steady_std = math.hypot(claims.gain_std, 2.0 * claims.rate_std, conditions.radius_std_m / conditions.radius_m)
         means = [Equations(*sums[MEAN].tolist()) for sums in (self._last.sums, self._refuting)]
-        every, latest = (
+        overall, latest = (
             contradicted(mean, Equations(*sums[GRAVITY].tolist()), steady_std, claims.gain_std, claims.zero_g_std_mps2)
             for mean, sums in zip(means, (self._last.sums, self._refuting), strict=True)
         )
         at_odds = are_at_odds(self._groups, means[1], claims.zero_g_std_mps2)
-        if is_refuted(every, latest, at_odds=at_odds):
+        if is_refuted(overall, latest, at_odds=at_odds):
             self._groups.clear()
             sums = self._last.sums.copy()
             sums[MEAN.start :] = self._refuting[MEAN.start :]
             self._last = self._last._replace(sums=sums)
-        elif are_silent(every, latest) and self._refuting_count < _REFUTING[1]:
+        elif are_silent(overall, latest) and self._refuting_count < _REFUTING_COUNTS[1]:
             return
         elif latest[1].is_certain:
             self._groups.append(means[1])
         self._refuting, self._refuting_count = np.zeros(SUMS), 0
 
-    def _relate(self, block: RevolutionBlock, index: int, edges_rad: tuple[float, float]) -> None:
+    def _update_relations(self, block: RevolutionBlock, index: int, edges_rad: tuple[float, float]) -> None:
         """Compare the axes with each other, over the latest revolutions."""
-        weight, square, reaction = self._axes_with.tolist()
-        if weight < _LEAST_OF_RELATIONS:
+        weight, square, reaction = self._axes_moments.tolist()
+        if weight < _RELATIONS_MIN_COUNT:
             return
         assert self._belt is not None
         axes = self._axes / weight
@@ -348,22 +348,22 @@ class SelfCalibrationEstimator(BlockEstimator):
             reaction / weight,
             block.revolutions[index].order_max,
         )
-        if weight < _LEAST_OF_LAGS:
+        if weight < _LAGS_MIN_COUNT:
             self._relations = self._relations._replace(lags=(None, None))
         order_max = block.revolutions[index].order_max
-        self._by_yaw_m = offset_by_yaw_m(axes, self._belt, square / weight, order_max)
+        self._yaw_offset_m = offset_by_yaw_m(axes, self._belt, square / weight, order_max)
         self._yaw = yaw_by_shape(axes, self._belt, square / weight, reaction / weight, order_max)
         means = axes.mean(axis=1)
         self._roll_by_mean = math.atan2(float(means[_LATERAL]), float(means[_RADIAL]))
 
-    def _look_at_direction(self, block: RevolutionBlock, index: int) -> None:
+    def _check_direction(self, block: RevolutionBlock, index: int) -> None:
         """Start again where a revolution shows that the circumferential axis points elsewhere than assumed.
 
         A tire that rolls in reverse, or an axis of the wrong sign, turns gravity and the reading of the offset round.
         An axis that is not connected, or not the one along the belt, has no gravity.
         """
         spectra = block.arrays.in_plane_mps2[index]
-        if not (np.isfinite(spectra[0, 0].real) and _measures(spectra[0])):
+        if not (np.isfinite(spectra[0, 0].real) and _is_active(spectra[0])):
             return
         belt, radius_m = self._belt, block.conditions[index].radius_m
         assert belt is not None
@@ -373,7 +373,7 @@ class SelfCalibrationEstimator(BlockEstimator):
         weightless = spectra.copy()
         weightless[0] += STANDARD_GRAVITY_MPS2 * belt.known_spectra[0]
         rows = mounting_rows(
-            np.stack([spectra, spectra * _TURNED, weightless]),
+            np.stack([spectra, spectra * _REVERSED_SIGNS, weightless]),
             belt,
             np.full(3, revolution.omega_radps),
             np.full(3, revolution.omega_dot_radps2),
@@ -381,22 +381,22 @@ class SelfCalibrationEstimator(BlockEstimator):
             np.full(3, revolution.order_max),
             with_mean=not revolution.ac_coupled,
         )
-        ahead, back, without = rows.squared_residuals().tolist()
-        against, absent = self._last.against, self._is_absent
-        turned = _AGAINST * (ahead if against else back) < (back if against else ahead)
-        if not revolution.ac_coupled and radius_m * revolution.omega_radps**2 < _GRAVITY_SHOWS_MPS2:
-            self._with_gravity *= 0.0 if turned else _KEPT_OF_GRAVITY
-            self._with_gravity += (ahead, back, without, float(rows.sums[0, -1]))
+        forward, backward, no_gravity = rows.squared_residuals().tolist()
+        was_reversed, was_absent = self._last.against, self._is_absent
+        is_flipped = _REVERSAL_RATIO * (forward if was_reversed else backward) < (backward if was_reversed else forward)
+        if not revolution.ac_coupled and radius_m * revolution.omega_radps**2 < _GRAVITY_LIMIT_MPS2:
+            self._with_gravity *= 0.0 if is_flipped else _GRAVITY_RETENTION
+            self._with_gravity += (forward, backward, no_gravity, float(rows.sums[0, -1]))
             self._along_gravity = AlongGravity.of_squares(*self._with_gravity.tolist())
-        if turned or self._is_absent is not absent:
-            self._last = _START._replace(against=against is not turned, floor=self._last.floor)
+        if is_flipped or self._is_absent is not was_absent:
+            self._last = _INITIAL_STEP._replace(against=was_reversed is not is_flipped, floor=self._last.floor)
             self._is_calibrated = self._has_along = False
-            self._hub, self._axes, self._axes_with = np.zeros(HUB_SIZE), np.zeros((0, 0)), np.zeros(3)
+            self._hub, self._axes, self._axes_moments = np.zeros(HUB_SIZE), np.zeros((0, 0)), np.zeros(3)
             self._latest = np.zeros(MOUNTING_SIZE)
             self._refuting, self._refuting_count = np.zeros(SUMS), 0
             self._groups.clear()
             self._relations = AxisRelations()
-            self._by_yaw_m, self._yaw = 0.0, _UNKNOWN_YAW
+            self._yaw_offset_m, self._yaw = 0.0, _UNKNOWN_YAW
             self._ratio = self._offset_ratio(block.conditions[index])
             average = block.averages.at(index)
             self._belt = belt_kinematics(average.radial_mps2, self._ratio, self._centre_rad)
@@ -412,28 +412,28 @@ class SelfCalibrationEstimator(BlockEstimator):
             return (conditions.claims.offset_m or 0.0) / conditions.radius_m
         return min(max(offset.value / conditions.radius_m, -0.05), 0.15)
 
-    def _take(self, block: RevolutionBlock, taken: Sequence[int]) -> list[CalibrationStep]:
+    def _accumulate(self, block: RevolutionBlock, indices: Sequence[int]) -> list[CalibrationStep]:
         """Add revolutions without faults on one shape of the belt; return the state after each."""
-        if not taken:
+        if not indices:
             return []
         belt = self._belt
         assert belt is not None
-        first, first_conditions = block.revolutions[taken[0]], block.conditions[taken[0]]
-        rows = np.zeros((len(taken), SUMS))
+        first, first_conditions = block.revolutions[indices[0]], block.conditions[indices[0]]
+        rows = np.zeros((len(indices), SUMS))
         # Without a copy where all are taken, as nearly always.
-        selection = slice(None) if len(taken) == len(block) else np.array(taken)
+        selection = slice(None) if len(indices) == len(block) else np.array(indices)
         spectra = block.arrays.in_plane_mps2[selection]
         if self._last.against:
-            spectra = spectra * _TURNED
+            spectra = spectra * _REVERSED_SIGNS
         omega, omega_dot = block.arrays.omega_radps[selection], block.arrays.omega_dot_radps2[selection]
-        along = np.isfinite(spectra[:, 0, 0].real) & _measures(spectra[:, 0])
+        is_active = np.isfinite(spectra[:, 0, 0].real) & _is_active(spectra[:, 0])
         if self._is_absent:
-            along[:] = False
-        self._has_along |= bool(along.any())
-        revolutions = [block.revolutions[index] for index in taken]
-        mounting = _mounting_evidence(revolutions, spectra, belt, along, (omega, omega_dot), first_conditions.radius_m)
+            is_active[:] = False
+        self._has_along |= bool(is_active.any())
+        revolutions = [block.revolutions[index] for index in indices]
+        mounting = _mounting_terms(revolutions, spectra, belt, is_active, (omega, omega_dot), first_conditions.radius_m)
         hub, rows[:, MOUNTING] = mounting.hub, mounting.sums
-        warm, expected = [self._last.warm] * len(taken), [math.nan] * len(taken)
+        rise_k, expected = [self._last.warm] * len(indices), [math.nan] * len(indices)
         is_calibrated = False
         if not first.ac_coupled:
             # Before that, the mounting offset, which the mean depends on, is not known.
@@ -442,35 +442,35 @@ class SelfCalibrationEstimator(BlockEstimator):
                 or not self._has_along
                 or self._last.revolutions + 1 > LEAST_REVOLUTIONS
             )
-            warm = [self._warm(block.conditions[index]) for index in taken]
-            steady = self._gain_rows(block, taken, belt, np.array(warm), rows, is_calibrated=is_calibrated)
+            rise_k = [self._temperature_rise_k(block.conditions[index]) for index in indices]
+            steady = self._gain_rows(block, indices, belt, np.array(rise_k), rows, is_calibrated=is_calibrated)
             expected = steady.tolist()
         if (measured := measured_shares(revolutions)) is not None:
             rows *= np.array(measured)[:, np.newaxis]
-        before = self._last.sums
+        previous_sums = self._last.sums
         if is_calibrated and not self._is_calibrated:
-            before = before.copy()
-            before[MEAN] = before[GRAVITY] = 0.0
+            previous_sums = previous_sums.copy()
+            previous_sums[MEAN] = previous_sums[GRAVITY] = 0.0
             self._refuting, self._refuting_count = np.zeros(SUMS), 0
         self._is_calibrated |= is_calibrated
-        powers, decay = _decay(len(taken), _KEEP)
-        sums = powers[:, np.newaxis] * before + decay @ rows
+        powers, decay = _decay(len(indices), _RETENTION)
+        sums = powers[:, np.newaxis] * previous_sums + decay @ rows
         self._refuting = self._refuting + rows.sum(axis=0)
         self._refuting_count += int(np.count_nonzero(rows[:, MEAN.start]))
-        powers, decay = _decay(len(taken), _KEEP_OF_HUB)
+        powers, decay = _decay(len(indices), _HUB_RETENTION)
         hub = powers[:, np.newaxis] * self._hub + decay @ hub
         self._hub = hub[-1]
-        self._add_axes(block, [index for index in taken if is_evidence(block.revolutions[index])])
-        powers, decay = _decay(len(taken), _KEEP_OF_LATEST)
+        self._add_axes(block, [index for index in indices if is_evidence(block.revolutions[index])])
+        powers, decay = _decay(len(indices), _LATEST_RETENTION)
         latest = powers[:, np.newaxis] * self._latest + decay @ rows[:, MOUNTING]
         self._latest = latest[-1]
-        return self._record(block, taken, belt, sums, hub, latest, warm, expected)
+        return self._record(block, indices, belt, sums, hub, latest, rise_k, expected)
 
     def _add_axes(self, block: RevolutionBlock, evident: Sequence[int]) -> None:
         """Add the axes of revolutions to those whose relations are looked at."""
         if not evident:
             return
-        powers, decay = _decay(len(evident), _KEEP_OF_HUB)
+        powers, decay = _decay(len(evident), _HUB_RETENTION)
         selection = slice(None) if len(evident) == len(block) else np.array(evident)
         is_timed = np.array([not block.revolutions[index].assumed_steady for index in evident])
         axes, weights = block.arrays.axes_mps2[selection], decay[-1] * is_timed
@@ -478,11 +478,11 @@ class SelfCalibrationEstimator(BlockEstimator):
         self._axes = total + powers[-1] * self._axes if self._axes.size else total
         omega = block.arrays.omega_radps[selection]
         reaction = block.arrays.omega_dot_radps2[selection] * block.conditions[evident[0]].radius_m
-        self._axes_with = (
-            powers[-1] * self._axes_with + weights @ np.array([np.ones(len(evident)), omega**2, reaction]).T
+        self._axes_moments = (
+            powers[-1] * self._axes_moments + weights @ np.array([np.ones(len(evident)), omega**2, reaction]).T
         )
 
-    def _warm(self, conditions: TireConditions) -> float:
+    def _temperature_rise_k(self, conditions: TireConditions) -> float:
         degc = conditions.temperature_degc
         if degc is None:
             return self._last.warm
@@ -492,38 +492,38 @@ class SelfCalibrationEstimator(BlockEstimator):
     def _gain_rows(
         self,
         block: RevolutionBlock,
-        taken: Sequence[int],
+        indices: Sequence[int],
         belt: BeltKinematics,
-        warm: FloatArray,
+        rise_k: FloatArray,
         rows: FloatArray,
         *,
         is_calibrated: bool,
     ) -> FloatArray:
         """Set the two equations of each revolution; return the steady value that is expected of each, (k,)."""
-        selection = slice(None) if len(taken) == len(block) else np.array(taken)
+        selection = slice(None) if len(indices) == len(block) else np.array(indices)
         orders = block.arrays.orders_mps2[selection, :2]
         omega = block.arrays.omega_radps[selection]
-        steady = block.conditions[taken[0]].radius_m * omega * omega
+        steady = block.conditions[indices[0]].radius_m * omega * omega
         expected: FloatArray = steady * (1.0 - self._ratio * belt.mean_square)
         mean = orders[:, 0].real
         order_1 = orders[:, 1] * complex(math.cos(self._centre_rad), math.sin(self._centre_rad))
         # Gravity was subtracted with a gain of 1; the remainder is compared with the closure of the belt.
         gravity = STANDARD_GRAVITY_MPS2 * belt.gravity_order_1
         remainder = order_1.real - belt.signal_order_1 * mean
-        change = np.nan_to_num(np.abs(self._changes[_JERK_LASTS:][selection]))
-        settled = self._last.revolutions + 1 + np.arange(len(taken)) > 2
-        is_steady = (change > 0.0) & (change < _STEADY_SPEED) & settled & (belt.mean_square <= GREATEST_MEAN_SQUARE)
-        is_resumed = np.isnan(self._changes[_JERK_LASTS:][selection]) & (self._last.revolutions > 0)
+        change = np.nan_to_num(np.abs(self._changes[_JERK_REVOLUTIONS:][selection]))
+        is_settled = self._last.revolutions + 1 + np.arange(len(indices)) > 2
+        is_steady = (change > 0.0) & (change < _STEADY_SPEED) & is_settled & (belt.mean_square <= GREATEST_MEAN_SQUARE)
+        is_resumed = np.isnan(self._changes[_JERK_REVOLUTIONS:][selection]) & (self._last.revolutions > 0)
         # Behind a revolution with faults, neither the time of the contact between them nor the acceleration is sure.
-        usable = np.isfinite(remainder) & np.isfinite(expected) & ~self._after_fault[:-1][selection]
-        usable &= [is_evidence(block.revolutions[index]) for index in taken]
+        is_usable = np.isfinite(remainder) & np.isfinite(expected) & ~self._after_fault[:-1][selection]
+        is_usable &= [is_evidence(block.revolutions[index]) for index in indices]
         # Factors of G, z, G' and a, then the left-hand side, of both equations.
-        both = np.zeros((len(taken), 2, 5))
-        by_mean, by_gravity = both[:, 0], both[:, 1]
-        by_mean[:, 0], by_mean[:, 1], by_mean[:, 2], by_mean[:, 4] = expected, 1.0, expected * warm, mean - expected
+        equations = np.zeros((len(indices), 2, 5))
+        by_mean, by_gravity = equations[:, 0], equations[:, 1]
+        by_mean[:, 0], by_mean[:, 1], by_mean[:, 2], by_mean[:, 4] = expected, 1.0, expected * rise_k, mean - expected
         by_gravity[:, 0], by_gravity[:, 2], by_gravity[:, 3], by_gravity[:, 4] = (
             gravity,
-            gravity * warm,
+            gravity * rise_k,
             steady,
             remainder,
         )
@@ -532,46 +532,46 @@ class SelfCalibrationEstimator(BlockEstimator):
         by_mean[is_resumed] = 0.0
         by_gravity /= self._scatter_mps2
         by_gravity[~is_steady] = 0.0
-        if block.conditions[taken[0]].tire.is_linear_ring:
+        if block.conditions[indices[0]].tire.is_linear_ring:
             by_gravity[:] = 0.0
-        if not usable.all():
-            both[~usable] = 0.0
-        products = both[:, :, :, np.newaxis] * both[:, :, np.newaxis, :]
-        rows[:, _EQUATIONS] = products.reshape(-1, 50)[:, _OF_EQUATIONS]
+        if not is_usable.all():
+            equations[~is_usable] = 0.0
+        products = equations[:, :, :, np.newaxis] * equations[:, :, np.newaxis, :]
+        rows[:, _EQUATIONS] = products.reshape(-1, 50)[:, _EQUATION_PRODUCTS]
         if is_calibrated:
             total = products[:, 0] + products[:, 1]
-            rows[:, _NORMAL] = total.reshape(-1, 25)[:, _OF_NORMAL]
+            rows[:, _NORMAL] = total.reshape(-1, 25)[:, _NORMAL_PRODUCTS]
             rows[:, STEADY] = products[:, 0, 0, :4]
         return expected
 
     def _record(
         self,
         block: RevolutionBlock,
-        taken: Sequence[int],
+        indices: Sequence[int],
         belt: BeltKinematics,
         sums: FloatArray,
         hub: FloatArray,
         latest: FloatArray,
-        warm: Sequence[float],
+        rise_k: Sequence[float],
         expected: Sequence[float],
     ) -> list[CalibrationStep]:
         solutions = stds = None
-        hub_mps2 = [0.0] * len(taken)
+        hub_mps2 = [0.0] * len(indices)
         if self._has_along:
             mountings, mounting_stds = MountingRows(sums[:, MOUNTING], hub).solve()
-            of_latest, latest_stds = MountingRows(latest, hub).solve()
-            beyond = np.abs(of_latest - mountings) - _BEYOND_LATEST * latest_stds
-            solutions, stds = mountings.tolist(), np.hypot(mounting_stds, np.fmax(beyond, 0.0)).tolist()
+            latest_mountings, latest_stds = MountingRows(latest, hub).solve()
+            excess = np.abs(latest_mountings - mountings) - _LATEST_TOLERANCE * latest_stds
+            solutions, stds = mountings.tolist(), np.hypot(mounting_stds, np.fmax(excess, 0.0)).tolist()
             # What a belt without any such motion leaves does not count.
             motion = hub_motion_mps2(hub, mountings[:, 0], mountings[:, 1])
             motion[np.isnan(motion)] = 0.0
-            at_rest = _HUB_AT_REST * block.conditions[taken[0]].radius_m * np.square(block.arrays.omega_radps[taken])
-            hub_mps2 = np.maximum(motion - np.square(at_rest) / np.maximum(motion, 1e-12), 0.0).tolist()
+            baseline = _HUB_FLOOR * block.conditions[indices[0]].radius_m * np.square(block.arrays.omega_radps[indices])
+            hub_mps2 = np.maximum(motion - np.square(baseline) / np.maximum(motion, 1e-12), 0.0).tolist()
         floor = self._last.floor
         contact = None if floor is None or floor.status is Status.INVALID else (floor.value, floor.std)
         equations = sums[:, _EQUATIONS].tolist()
-        count, against, steps = self._last.revolutions, self._last.against, []
-        for row, index in enumerate(taken):
+        count, is_reversed, steps = self._last.revolutions, self._last.against, []
+        for row, index in enumerate(indices):
             revolution, claims = block.revolutions[index], block.conditions[index].claims
             count += 1
             # Relative difference of the gains of two axes; tilts and mounting offset are ratios of axes.
@@ -579,13 +579,13 @@ class SelfCalibrationEstimator(BlockEstimator):
             offset = pitch = None
             if solutions is not None and stds is not None:
                 pitch, offset = _mounting(solutions[row], stds[row], axes_std)
-                if against and pitch is not None:
+                if is_reversed and pitch is not None:
                     # Of the sensor, not of its turned axis.
                     pitch = Measurement(-pitch.value, pitch.std)
             tilt = Tilt.of(self._roll_by_mean, math.nan if pitch is None else pitch.value, self._yaw)
             if offset is not None and pitch is not None:
-                by_yaw_m = tilt.offset_error_m(offset.value, self._by_yaw_m)
-                offset = Measurement(offset.value, math.hypot(offset.std, by_yaw_m))
+                yaw_offset_std_m = tilt.offset_error_m(offset.value, self._yaw_offset_m)
+                offset = Measurement(offset.value, math.hypot(offset.std, yaw_offset_std_m))
             measured = Measured(
                 revolutions=count,
                 ac_coupled=revolution.ac_coupled,
@@ -595,7 +595,7 @@ class SelfCalibrationEstimator(BlockEstimator):
                 by_mean=Equations(*equations[row][:5]),
                 by_gravity=Equations(*equations[row][5:]),
                 contact_gain=contact,
-                offset_m=offset if count >= _LEAST_OF_OFFSET else None,
+                offset_m=offset if count >= _OFFSET_MIN_COUNT else None,
                 along_gravity=self._along_gravity,
                 hub_mps2=hub_mps2[row],
                 relations=self._relations,
@@ -604,18 +604,18 @@ class SelfCalibrationEstimator(BlockEstimator):
             )
             steps.append(
                 CalibrationStep(
-                    None, count, sums[row], pitch, offset, warm[row], floor, measured, against, self._has_along
+                    None, count, sums[row], pitch, offset, rise_k[row], floor, measured, is_reversed, self._has_along
                 )
             )
         self._last = steps[-1]
         return steps
 
 
-def _mounting_evidence(
+def _mounting_terms(
     revolutions: Sequence[Revolution],
     spectra: ComplexArray,
     belt: BeltKinematics,
-    along: BoolArray,
+    is_active: BoolArray,
     speeds: tuple[FloatArray, FloatArray],
     radius_m: float,
 ) -> MountingRows:
@@ -625,12 +625,12 @@ def _mounting_evidence(
         revolutions: (n,) of one shape of the belt.
         spectra: (n, 2, orders) of their circumferential and radial axes.
         belt: kinematics of the belt.
-        along: (n,) whether the circumferential axis measures.
+        is_active: (n,) whether the circumferential axis measures.
         speeds: (n,) angular speed, rad/s, and angular acceleration, rad/s^2.
         radius_m: belt radius.
     """
     # The circumferential axis reads the acceleration of wheel and car; what fills a gap says nothing of the sensor.
-    is_evident = along & np.array([is_evidence(each) and not each.assumed_steady for each in revolutions])
+    is_evident = is_active & np.array([is_evidence(each) and not each.assumed_steady for each in revolutions])
     if not is_evident.any():
         count = len(revolutions)
         return MountingRows(np.zeros((count, MOUNTING_SIZE)), np.zeros((count, HUB_SIZE)))
@@ -643,19 +643,19 @@ def _mounting_evidence(
     return mounting
 
 
-def _measures(spectra: ComplexArray) -> BoolArray:
+def _is_active(spectra: ComplexArray) -> BoolArray:
     """Return which spectra (..., orders) are not those of an axis that stands still."""
-    moving: BoolArray = np.abs(spectra[..., 1:]).max(axis=-1) > _STILL_MPS2
+    moving: BoolArray = np.abs(spectra[..., 1:]).max(axis=-1) > _INACTIVE_AXIS_MPS2
     return moving
 
 
 @lru_cache(maxsize=64)
-def _decay(count: int, keep: float) -> tuple[FloatArray, FloatArray]:
+def _decay(count: int, retention: float) -> tuple[FloatArray, FloatArray]:
     """Return the shares of the sums before, (k,), and of each new row, (k, k), in the sums after k rows."""
     index: FloatArray = np.arange(count, dtype=np.float64)
-    powers: FloatArray = keep ** (index + 1.0)
-    later: FloatArray = np.maximum(index[:, np.newaxis] - index, 0.0)
-    rows: FloatArray = np.tril(np.power(keep, later))
+    powers: FloatArray = retention ** (index + 1.0)
+    ages: FloatArray = np.maximum(index[:, np.newaxis] - index, 0.0)
+    rows: FloatArray = np.tril(np.power(retention, ages))
     for array in (powers, rows):
         array.setflags(write=False)
     return powers, rows
@@ -680,7 +680,7 @@ def _mounting(
     return pitch, Measurement(offset, offset_std)
 
 
-def _refused(revolution: Revolution, conditions: TireConditions) -> Reason | None:
+def _refusal(revolution: Revolution, conditions: TireConditions) -> Reason | None:
     """Return why a revolution must not be used; None when it may be."""
     if revolution.faults or revolution.saturated:
         return not_used(revolution.faults or (Reason(EstimateCode.RADIAL_SATURATED),))

@@ -31,9 +31,9 @@ _LOWEST_HZ: Final = 150.0
 _LOWEST_ORDER: Final = 16.0
 _STEP_HZ: Final = 25.0
 _FFT_SIZE: Final = 2048
-_AVERAGING: Final = 0.1
-_USED_EVERY: Final = 4
-_REVOLUTIONS: Final = 10
+_AVERAGING_WEIGHT: Final = 0.1
+_REVOLUTION_INTERVAL: Final = 4
+_MIN_REVOLUTIONS: Final = 10
 # The waves of a measured tire reach 2.7 % of R Omega^2 behind the contact, with six times the power of those before it.
 _RINGING_SHARE: Final = 0.025
 _RINGING_RATIO: Final = 30.0
@@ -73,20 +73,20 @@ def ringing_spectra(revolutions: Sequence[Revolution], frequency_hz: FloatArray)
         frequency_hz: (f,) frequencies.
     """
     spectra = np.full((len(revolutions), 2, len(frequency_hz)), math.nan)
-    of_length: dict[int, list[tuple[int, int, FloatArray]]] = {}
+    parts_by_length: dict[int, list[tuple[int, int, FloatArray]]] = {}
     for index, revolution in enumerate(revolutions):
         n = len(revolution.radial_mps2)
-        behind = revolution.trailing_edge_rad + _EDGE_MARGIN_RAD
-        before = revolution.leading_edge_rad - _EDGE_MARGIN_RAD - _RANGE_RAD
-        for side, begin in enumerate((behind, before)):
-            if math.isfinite(begin):
+        after_rad = revolution.trailing_edge_rad + _EDGE_MARGIN_RAD
+        before_rad = revolution.leading_edge_rad - _EDGE_MARGIN_RAD - _RANGE_RAD
+        for side, start_rad in enumerate((after_rad, before_rad)):
+            if math.isfinite(start_rad):
                 first, end = (
                     min(max(math.ceil((angle + math.pi) * n / (2.0 * math.pi)), 0), n)
-                    for angle in (begin, begin + _RANGE_RAD)
+                    for angle in (start_rad, start_rad + _RANGE_RAD)
                 )
                 if end - first >= 8 * _TREND_DEGREE:
-                    of_length.setdefault(end - first, []).append((index, side, revolution.radial_mps2[first:end]))
-    for count, parts in of_length.items():
+                    parts_by_length.setdefault(end - first, []).append((index, side, revolution.radial_mps2[first:end]))
+    for count, parts in parts_by_length.items():
         stretch = _stretch(count)
         signals = np.stack([signal for _, _, signal in parts])
         signals -= (signals @ stretch.trend) @ stretch.trend.T
@@ -152,12 +152,12 @@ class SensorHealth:
         self._highest: NDArray[np.int16] | None = None
         self._sum: FloatArray = np.zeros(len(self._columns))
         self._count = 0
-        self._still: tuple[tuple[int, int], ...] = ()
+        self._stuck: tuple[tuple[int, int], ...] = ()
         self._mean: FloatArray = np.full(len(Axis), math.nan)
         self._frequency_hz: FloatArray = np.arange(_LOWEST_HZ, 0.4 * rate_hz, _STEP_HZ)
         # Averaged squared amplitudes behind and before the contact.
         self._spectra: FloatArray = np.full((2, len(self._frequency_hz)), math.nan)
-        self._used = self._next_used = 0
+        self._spectrum_count = self._next_index = 0
         self._ringing: tuple[float, float] | None = None
         self._pressure_pa: float | None = None
         self._temperatures: tuple[float, float] = (math.inf, -math.inf)
@@ -178,8 +178,8 @@ class SensorHealth:
         self._count += len(counts)
         if self._count < self._window:
             return extremes
-        still = np.flatnonzero(self._lowest == self._highest).tolist()
-        self._still = tuple((self._columns[channel], int(self._lowest[channel])) for channel in still)
+        stuck_channels = np.flatnonzero(self._lowest == self._highest).tolist()
+        self._stuck = tuple((self._columns[channel], int(self._lowest[channel])) for channel in stuck_channels)
         self._mean = np.full(len(Axis), math.nan)
         self._mean[list(self._columns)] = (self._sum / self._count - self._offset) * self._scale
         self._lowest = self._highest = None
@@ -190,13 +190,13 @@ class SensorHealth:
 
         Those that are no evidence are skipped; of the others every fourth is enough for a loose sensor.
         """
-        used: list[int] = []
+        selected: list[int] = []
         for index, revolution in enumerate(revolutions):
-            if revolution.index >= self._next_used and is_evidence(revolution):
-                self._next_used = revolution.index + _USED_EVERY
-                used.append(index)
-        steady = [float(revolutions[index].radial_mps2.mean()) for index in used]
-        fast = [(index, mean) for index, mean in zip(used, steady, strict=True) if mean > _LEAST_MEAN_MPS2]
+            if revolution.index >= self._next_index and is_evidence(revolution):
+                self._next_index = revolution.index + _REVOLUTION_INTERVAL
+                selected.append(index)
+        steady = [float(revolutions[index].radial_mps2.mean()) for index in selected]
+        fast = [(index, mean) for index, mean in zip(selected, steady, strict=True) if mean > _LEAST_MEAN_MPS2]
         doubts: list[Reason | None] = []
         spectra = ringing_spectra([revolutions[index] for index, _ in fast], self._frequency_hz)
         for (index, mean), spectrum in zip(fast, spectra, strict=True):
@@ -204,20 +204,20 @@ class SensorHealth:
             self._add_spectrum(spectrum / mean**2)
         return doubts + [self.doubt()] * (len(revolutions) - len(doubts))
 
-    def _add_spectrum(self, fresh: FloatArray) -> None:
+    def _add_spectrum(self, spectrum: FloatArray) -> None:
         """Add the squared amplitudes of a revolution behind and before the contact, (2, f), over the steady value's."""
-        self._spectra = _averaged(self._spectra, fresh)
-        self._used += 1
+        self._spectra = _averaged(self._spectra, spectrum)
+        self._spectrum_count += 1
         self._ringing = None
-        if self._used < _REVOLUTIONS:
+        if self._spectrum_count < _MIN_REVOLUTIONS:
             return
         if not (self._spectra[0] > _RINGING_SHARE**2).any():
             return
         measured = np.isfinite(self._spectra).all(axis=0)
-        after, ahead = self._spectra[:, measured]
-        rings = (after > _RINGING_SHARE**2) & (after > _RINGING_RATIO * (ahead + np.median(ahead)))
-        if rings.any():
-            strongest = int(np.argmax(np.where(rings, after, 0.0)))
+        after, before = self._spectra[:, measured]
+        is_ringing = (after > _RINGING_SHARE**2) & (after > _RINGING_RATIO * (before + np.median(before)))
+        if is_ringing.any():
+            strongest = int(np.argmax(np.where(is_ringing, after, 0.0)))
             self._ringing = float(self._frequency_hz[measured][strongest]), math.sqrt(float(after[strongest]))
 
     def environment(self, reading: Environment) -> float:
@@ -248,14 +248,14 @@ class SensorHealth:
         return tuple(self._flags())
 
     def _flags(self) -> Iterator[SensorFlag]:
-        if self._still and len(self._still) == len(self._columns) and not any(value for _, value in self._still):
+        if self._stuck and len(self._stuck) == len(self._columns) and not any(value for _, value in self._stuck):
             yield SensorFlag("dead", Reason(TrustCode.SENSOR_DEAD))
-        elif self._still:
+        elif self._stuck:
             axes = tuple(
-                Reason(TrustCode.AXIS_READS, axis=AXIS_NAMES[axis], counts=value) for axis, value in self._still
+                Reason(TrustCode.AXIS_READS, axis=AXIS_NAMES[axis], counts=value) for axis, value in self._stuck
             )
             yield SensorFlag("stuck", Reason(TrustCode.SENSOR_STUCK, duration_s=_WINDOW_S, axes=axes))
-        if self._is_dc and not self._still:
+        if self._is_dc and not self._stuck:
             yield from self._mounting()
         if (loose := self.doubt()) is not None:
             yield SensorFlag("loose", loose)
@@ -275,12 +275,12 @@ class SensorHealth:
             yield SensorFlag("mounting", Reason(TrustCode.SENSOR_FLIPPED))
 
 
-def _averaged(average: FloatArray, fresh: FloatArray) -> FloatArray:
+def _averaged(average: FloatArray, latest: FloatArray) -> FloatArray:
     """Return the running average; where one is NaN, the other is taken."""
-    mixed: FloatArray = average + _AVERAGING * (fresh - average)
+    mixed: FloatArray = average + _AVERAGING_WEIGHT * (latest - average)
     unknown = np.isnan(mixed)
     if unknown.any():
-        mixed[unknown] = np.where(np.isnan(average), fresh, average)[unknown]
+        mixed[unknown] = np.where(np.isnan(average), latest, average)[unknown]
     return mixed
 
 

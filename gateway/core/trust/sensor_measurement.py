@@ -13,8 +13,8 @@ from gateway.core.types import FloatArray
 
 # Share of gravity below which an axis is not along the belt, and the standard errors by which it must be: a yaw of 45
 # deg leaves 0.7.
-_LEAST_GRAVITY: Final = 0.5
-_CERTAIN: Final = 3.0
+_MIN_GRAVITY_SHARE: Final = 0.5
+_CERTAIN_ERRORS: Final = 3.0
 # Places in the running sums: equations of the mounting, of the means, of gravity, then normal matrix and right-hand
 # side of G, z, G' and a, and what a relative error of the steady value adds to the right-hand side.
 MOUNTING: Final = slice(0, MOUNTING_SIZE)
@@ -50,17 +50,17 @@ class AlongGravity(NamedTuple):
 
         They are a parabola in the share of gravity.
         """
-        bend = 0.5 * (ahead + back) - without
-        if not bend > 0.0:
+        curvature = 0.5 * (ahead + back) - without
+        if not curvature > 0.0:
             return None
-        share = (back - ahead) / (4.0 * bend)
-        residual = max(without - bend * share**2, 0.0)
-        return cls(share, math.sqrt(residual / max(count, 1.0) / bend))
+        share = (back - ahead) / (4.0 * curvature)
+        residual = max(without - curvature * share**2, 0.0)
+        return cls(share, math.sqrt(residual / max(count, 1.0) / curvature))
 
     @property
     def is_absent(self) -> bool:
         """Whether the axis cannot be the one along the belt."""
-        return abs(self.share) + _CERTAIN * self.std < _LEAST_GRAVITY
+        return abs(self.share) + _CERTAIN_ERRORS * self.std < _MIN_GRAVITY_SHARE
 
 
 class Measured(NamedTuple):

@@ -45,11 +45,11 @@ from gateway.core.trust.self_calibration import GREATEST_MEAN_SQUARE, OFFSET_MOD
 from gateway.core.trust.sensor_measurement import Measured
 
 # Relative change of an estimate from which it is invalid.
-_INVALID_FROM: Final = 0.2
+_INVALID_CHANGE: Final = 0.2
 # Relative change above which its size says nothing: a factor of four.
 _UNBOUNDED: Final = 3.01
 # Share of an estimate's standard error below which a change of it does not matter.
-_NEGLIGIBLE: Final = 0.3
+_MINOR_SHARE: Final = 0.3
 # Belts from karts to earthmovers: no tire has another radius.
 _RADII_M: Final = (0.1, 1.2)
 # Ratios of sampling rates that are mistaken for each other, such as the rate before decimation.
@@ -65,12 +65,12 @@ _UNIT_ERRORS: Final = 1.0
 _RADIUS_UNKNOWN: Final = 2.0
 # Root mean square share of an error of the steady value that the sampling rate has: radius, gain or rate are wrong,
 # each as likely as the others, and the steady value is of the rate squared.
-_SHARE_OF_RATE: Final = 0.5 * math.sqrt(1.0 / 3.0)
+_RATE_ERROR_SHARE: Final = 0.5 * math.sqrt(1.0 / 3.0)
 # Root mean square share of a difference within the errors of what is stated that one of three causes of it has: half of
 # such differences are these errors alone, the others one of the causes, each as likely.
-_SHARE_OF_ONE: Final = math.sqrt(0.5 / 3.0)
+_SINGLE_CAUSE_SHARE: Final = math.sqrt(0.5 / 3.0)
 # Standard error of the gain by gravity over the stated one, up to which their disagreement says something.
-_GRAVITY_TELLS: Final = 2.0
+_GRAVITY_STD_RATIO: Final = 2.0
 
 
 # Order 2 by motion of the hub from which it is noted, over R Omega^2.
@@ -79,7 +79,7 @@ _NOTABLE_HUB: Final = 3e-4
 _ROLL_BY_SHAPE_RAD: Final = 6e-3
 
 # Share of the true signal in an axis that is not the one it is taken for.
-_OF_ANOTHER_AXIS: Final = 0.0
+_WRONG_AXIS_SHARE: Final = 0.0
 
 
 class Subject(StrEnum):
@@ -173,7 +173,7 @@ class Evidence(NamedTuple):
         """Return the conditions with the values in use, and with the estimates `given` by earlier estimators."""
         claims = conditions.claims
         if self.unsure:
-            claims = replace(claims, rate_std=math.hypot(claims.rate_std, _SHARE_OF_RATE * self.unsure))
+            claims = replace(claims, rate_std=math.hypot(claims.rate_std, _RATE_ERROR_SHARE * self.unsure))
         return TireConditions(
             self.radius_m,
             conditions.load_n,
@@ -226,12 +226,12 @@ class Evidence(NamedTuple):
             elif effect > _UNBOUNDED:
                 reasons.append(Reason(TrustCode.NOTHING_FOLLOWS, why=contradiction.reason))
                 worst = effect
-            elif effect * abs(estimate.value - quantity_of(estimate.name).origin) > _NEGLIGIBLE * estimate.std or (
+            elif effect * abs(estimate.value - quantity_of(estimate.name).origin) > _MINOR_SHARE * estimate.std or (
                 effect and math.isnan(estimate.std)
             ):
                 reasons.append(Reason(TrustCode.MAY_CHANGE_BY, effect=effect, why=contradiction.reason))
                 worst = max(worst, effect)
-        if worst > _INVALID_FROM:
+        if worst > _INVALID_CHANGE:
             return Estimate.invalid(estimate.name, *reasons)
         if estimate.status is Status.INVALID:
             return estimate
@@ -274,7 +274,7 @@ def assess(
     """
     claims = conditions.claims
     if conditions.rules is not EVERY_RULE:
-        measured, lost = _as_ruled(measured, conditions.rules), lost if DoubtRule.COUPLING in conditions.rules else None
+        measured, lost = _filtered(measured, conditions.rules), lost if DoubtRule.COUPLING in conditions.rules else None
     radius = Value(conditions.radius_m, conditions.radius_std_m)
     contradictions: list[Contradiction] = []
     if lost is not None:
@@ -285,22 +285,22 @@ def assess(
     # Relative error of the measured offset that a contradicted gain or rate makes.
     offset_error = 0.0
     if measured is not None:
-        related = tuple(_related(measured, steady_mps2, radius.value))
-        contradictions += related
-        if any(Basis.ALONG in relation.ratios for relation in related):
+        axis_contradictions = tuple(_axis_contradictions(measured, steady_mps2, radius.value))
+        contradictions += axis_contradictions
+        if any(Basis.ALONG in contradiction.ratios for contradiction in axis_contradictions):
             # The offset and the hub's motion are read from an axis that is not what it is taken for.
             measured = measured._replace(offset_m=None, hub_mps2=0.0)
     steady = _SteadyValue(radius)
     if measured is not None and (ratio := _steady_ratio(measured, zero_std)) is not None:
-        steady = _by_steady_value(measured, ratio, conditions, radius)
+        steady = _assess_steady_value(measured, ratio, conditions, radius)
         contradictions += steady.contradictions
         gain_std = math.hypot(gain_std, steady.unsure)
         offset_error = steady.unsure
         for contradiction in contradictions:
-            changed = contradiction.ratios.get(Basis.GAIN, 1.0)
-            gain_std = max(gain_std, abs(changed - 1.0))
-            by_rate = contradiction.ratios.get(Basis.RATE, 1.0) ** -2.0
-            offset_error = max(offset_error, abs(1.0 / changed - 1.0), abs(by_rate - 1.0))
+            gain_ratio = contradiction.ratios.get(Basis.GAIN, 1.0)
+            gain_std = max(gain_std, abs(gain_ratio - 1.0))
+            rate_effect = contradiction.ratios.get(Basis.RATE, 1.0) ** -2.0
+            offset_error = max(offset_error, abs(1.0 / gain_ratio - 1.0), abs(rate_effect - 1.0))
     radius, unsure = steady.radius, steady.unsure
     zero_is_measured = False
     if (zero := _measured_zero(measured, zero_std)) is not None:
@@ -312,7 +312,7 @@ def assess(
             zero_std = math.hypot(zero.value, zero.std)
     gravity = None if measured is None else measured.along_gravity
     if gravity is not None and gravity.is_absent:
-        contradictions.append(Contradiction(Subject.AXES, gravity_absent(gravity), {Basis.AXES: _OF_ANOTHER_AXIS}))
+        contradictions.append(Contradiction(Subject.AXES, gravity_absent(gravity), {Basis.AXES: _WRONG_AXIS_SHARE}))
     offset_m, offset_std_m, offset_is_known = _offset(measured, conditions, offset_error, contradictions)
     offset_std_m = math.hypot(offset_std_m, claims.nonlinear_offset_m(steady_mps2, full_scale_mps2, radius.value))
     if ac_coupled:
@@ -384,7 +384,7 @@ class _SteadyValue(NamedTuple):
     disagreement: Reason | None = None
 
 
-def _by_steady_value(measured: Measured, ratio: Value, conditions: TireConditions, radius: Value) -> _SteadyValue:
+def _assess_steady_value(measured: Measured, ratio: Value, conditions: TireConditions, radius: Value) -> _SteadyValue:
     """Compare the steady value with belt radius, gain and rate as stated.
 
     Args:
@@ -402,49 +402,49 @@ def _by_steady_value(measured: Measured, ratio: Value, conditions: TireCondition
     mean_square = min(measured.mean_square, GREATEST_MEAN_SQUARE)
     gravity_gain = _gravity_gain(measured, depth)
     by_gain = math.hypot(ratio.std, claims.gain_std, 2.0 * claims.rate_std, mean_square * depth)
-    found_radius = Value(conditions.radius_m * ratio.value, conditions.radius_m * by_gain)
-    if radius.std > _RADIUS_UNKNOWN * found_radius.std and abs(found_radius.value - radius.value) <= (
-        CONTRADICTION * math.hypot(radius.std, found_radius.std)
+    measured_radius = Value(conditions.radius_m * ratio.value, conditions.radius_m * by_gain)
+    if radius.std > _RADIUS_UNKNOWN * measured_radius.std and abs(measured_radius.value - radius.value) <= (
+        CONTRADICTION * math.hypot(radius.std, measured_radius.std)
     ):
-        return _SteadyValue(_weighted(radius, found_radius))
+        return _SteadyValue(_weighted(radius, measured_radius))
     tolerance = math.hypot(by_gain, radius_std)
     if abs(ratio.value - 1.0) > CONTRADICTION * tolerance:
         return _SteadyValue(radius, (_steady_contradiction(measured, conditions, ratio, by_gain, depth),))
-    if (alone := _gravity_contradiction(gravity_gain, claims.gain_std)) is not None:
-        return _SteadyValue(radius, (alone,))
-    slower = _by_gravity(gravity_gain, ratio, measured, conditions, mean_square * depth)
-    if slower is not None and abs(slower.value - 1.0) > CONTRADICTION * slower.std:
+    if (gravity_only := _gravity_contradiction(gravity_gain, claims.gain_std)) is not None:
+        return _SteadyValue(radius, (gravity_only,))
+    speed_ratio = _gravity_speed_ratio(gravity_gain, ratio, measured, conditions, mean_square * depth)
+    if speed_ratio is not None and abs(speed_ratio.value - 1.0) > CONTRADICTION * speed_ratio.std:
         return _SteadyValue(radius, (_steady_contradiction(measured, conditions, ratio, by_gain, depth),))
     if DoubtRule.SHORT_OF_IT not in conditions.rules:
         return _SteadyValue(radius)
     unsure = disagreement_std(ratio.value - 1.0, tolerance)
-    if slower is not None:
-        unsure = max(unsure, disagreement_std(slower.value - 1.0, slower.std))
+    if speed_ratio is not None:
+        unsure = max(unsure, disagreement_std(speed_ratio.value - 1.0, speed_ratio.std))
     if gravity_gain is not None:
-        unsure = max(unsure, _hidden(gravity_gain, measured, claims.gain_std))
+        unsure = max(unsure, _hidden_error(gravity_gain, measured, claims.gain_std))
     # Of a radius, a gain or a rate that is not as stated.
-    share = _SHARE_OF_ONE * (ratio.value - 1.0)
-    wider = Value(radius.value, math.hypot(radius.std, max(unsure, abs(share)) * radius.value))
+    cause_error = _SINGLE_CAUSE_SHARE * (ratio.value - 1.0)
+    widened = Value(radius.value, math.hypot(radius.std, max(unsure, abs(cause_error)) * radius.value))
     disagreement = Reason(TrustCode.STEADY_VALUE_DISAGREES, ratio=ratio.value, std=tolerance, error=unsure)
-    return _SteadyValue(wider, (), unsure, disagreement if unsure > radius_std else None)
+    return _SteadyValue(widened, (), unsure, disagreement if unsure > radius_std else None)
 
 
-def _as_ruled(measured: Measured | None, rules: frozenset[DoubtRule]) -> Measured | None:
+def _filtered(measured: Measured | None, rules: frozenset[DoubtRule]) -> Measured | None:
     """Return what is measured without that which only rules that do not apply look at."""
     if measured is None:
         return None
-    relations, nothing = measured.relations, Equations(*[0.0] * len(Equations._fields))
+    relations, zero_sums = measured.relations, Equations(*[0.0] * len(Equations._fields))
     if DoubtRule.AXES not in rules:
         relations = relations._replace(circumferential_late_rad=0.0, lateral_late_rad=0.0, is_swapped=False)
-    without: dict[DoubtRule, dict[str, Any]] = {
-        DoubtRule.STEADY_VALUE: {"by_mean": nothing, "contact_gain": None},
-        DoubtRule.GRAVITY: {"by_gravity": nothing, "along_gravity": None},
+    defaults: dict[DoubtRule, dict[str, Any]] = {
+        DoubtRule.STEADY_VALUE: {"by_mean": zero_sums, "contact_gain": None},
+        DoubtRule.GRAVITY: {"by_gravity": zero_sums, "along_gravity": None},
         DoubtRule.SENSOR_OFFSET: {"offset_m": None},
         DoubtRule.ROLL: {"roll_by_mean_rad": math.nan, "relations": relations._replace(along_zero_mps2=math.nan)},
         DoubtRule.TILT: {"tilt": Tilt()},
         DoubtRule.HUB_MOTION: {"hub_mps2": 0.0},
     }
-    changes = {name: value for rule, parts in without.items() if rule not in rules for name, value in parts.items()}
+    changes = {name: value for rule, parts in defaults.items() if rule not in rules for name, value in parts.items()}
     return measured._replace(**{"relations": relations, **changes})
 
 
@@ -455,15 +455,15 @@ def _roll_std(measured: Measured, claims: SensorClaims) -> float:
     both. What is stated of the zero-g offsets is one statement: where the circumferential axis is off by more, so may
     be the lateral one.
     """
-    by_zero = _zero_beyond_statement(measured, claims) / measured.steady_mps2 if measured.steady_mps2 > 0.0 else 0.0
+    by_zero = _excess_zero_mps2(measured, claims) / measured.steady_mps2 if measured.steady_mps2 > 0.0 else 0.0
     difference = measured.roll_by_mean_rad - measured.relations.roll_rad
     if not math.isfinite(difference):
         return by_zero
-    beyond = max(difference**2 - _ROLL_BY_SHAPE_RAD**2, 0.0)
-    return math.hypot(max(math.sqrt(beyond), _SHARE_OF_ONE * abs(difference)), by_zero)
+    excess = max(difference**2 - _ROLL_BY_SHAPE_RAD**2, 0.0)
+    return math.hypot(max(math.sqrt(excess), _SINGLE_CAUSE_SHARE * abs(difference)), by_zero)
 
 
-def _zero_beyond_statement(measured: Measured, claims: SensorClaims) -> float:
+def _excess_zero_mps2(measured: Measured, claims: SensorClaims) -> float:
     """Return the error of zero-g offsets that the circumferential axis shows beyond what is stated of them, m/s^2."""
     zero_mps2, tilt = measured.relations.along_zero_mps2, measured.relations.tilt
     if not math.isfinite(zero_mps2):
@@ -483,11 +483,11 @@ def _swapped_offset(measured: Measured, claims: SensorClaims) -> tuple[float, fl
     return offset_m, math.hypot(OFFSET_MODEL_M, math.hypot(claims.gain_std, claims.along_gain_std) * offset_m)
 
 
-def _related(measured: Measured, steady_mps2: float, radius_m: float) -> Iterator[Contradiction]:
+def _axis_contradictions(measured: Measured, steady_mps2: float, radius_m: float) -> Iterator[Contradiction]:
     """Yield what the axes say of each other."""
     relations, omega_radps = measured.relations, math.sqrt(steady_mps2 / radius_m)
     if relations.is_swapped:
-        ratios = {Basis.AXES: _OF_ANOTHER_AXIS, Basis.ALONG: _OF_ANOTHER_AXIS}
+        ratios = {Basis.AXES: _WRONG_AXIS_SHARE, Basis.ALONG: _WRONG_AXIS_SHARE}
         yield Contradiction(Subject.AXES, Reason(TrustCode.AXES_SWAPPED), ratios)
     for axis, late_rad, basis in (
         ("circumferential", relations.circumferential_late_rad, Basis.ALONG),
@@ -495,7 +495,7 @@ def _related(measured: Measured, steady_mps2: float, radius_m: float) -> Iterato
     ):
         if late_rad:
             reason = Reason(TrustCode.AXIS_LATE, axis=axis, late_s=late_rad / omega_radps)
-            yield Contradiction(Subject.TIMING, reason, {basis: _OF_ANOTHER_AXIS})
+            yield Contradiction(Subject.TIMING, reason, {basis: _WRONG_AXIS_SHARE})
 
 
 def _offset(
@@ -506,31 +506,31 @@ def _offset(
     `error` is a relative error of the measured offset beyond its own.
     """
     claims = conditions.claims
-    stated = None if claims.offset_m is None else Value(claims.offset_m, claims.offset_std_m)
+    stated_offset = None if claims.offset_m is None else Value(claims.offset_m, claims.offset_std_m)
     by_signal = None
-    depth = None if measured is None else measured.offset_m or _swapped_offset(measured, claims)
-    if depth is not None:
-        value, std = depth
+    measured_offset = None if measured is None else measured.offset_m or _swapped_offset(measured, claims)
+    if measured_offset is not None:
+        value, std = measured_offset
         by_signal = Value(value, math.hypot(std, error * value))
-    if stated is None and by_signal is None:
+    if stated_offset is None and by_signal is None:
         return 0.0, UNKNOWN_OFFSET_STD_M, False
-    if stated is None or by_signal is None:
-        single = stated if by_signal is None else by_signal
+    if stated_offset is None or by_signal is None:
+        single = stated_offset if by_signal is None else by_signal
         assert single is not None
         return single.value, single.std, True
-    difference = abs(stated.value - by_signal.value)
-    if difference <= CONTRADICTION * math.hypot(stated.std, by_signal.std):
-        both = _weighted(stated, by_signal)
-        return both.value, both.std, True
+    difference = abs(stated_offset.value - by_signal.value)
+    if difference <= CONTRADICTION * math.hypot(stated_offset.std, by_signal.std):
+        combined = _weighted(stated_offset, by_signal)
+        return combined.value, combined.std, True
     reason = Reason(
         TrustCode.OFFSET_CONTRADICTED,
-        stated_m=stated.value,
-        stated_std_m=stated.std,
+        stated_m=stated_offset.value,
+        stated_std_m=stated_offset.std,
         offset_m=by_signal.value,
         std_m=by_signal.std,
     )
     contradictions.append(Contradiction(Subject.OFFSET, reason, {Basis.OFFSET: math.nan}))
-    return stated.value, difference, True
+    return stated_offset.value, difference, True
 
 
 def _weighted(first_value: Value, second_value: Value) -> Value:
@@ -553,7 +553,7 @@ def _gravity_gain(measured: Measured, depth: float) -> Value | None:
     return None if measured.ac_coupled else gravity_gain(measured.by_gravity, depth)
 
 
-def _by_gravity(
+def _gravity_speed_ratio(
     gravity: Value | None, ratio: Value, measured: Measured, conditions: TireConditions, by_depth: float
 ) -> Value | None:
     """Return V^2 / R with the gain that gravity and the statement give together, over R Omega^2; None without gravity.
@@ -573,16 +573,16 @@ def _by_gravity(
     return Value(ratio.value / gain.value, error)
 
 
-def _hidden(gravity: Value, measured: Measured, gain_std: float) -> float:
+def _hidden_error(gravity: Value, measured: Measured, gain_std: float) -> float:
     """Return the error of gain, radius or rate where gravity disagrees with the stated gain.
 
     The steady value agrees. So it is a vibration, or two statements are wrong and hide each other.
     """
     std = math.hypot(gravity.std, measured.hub_mps2 / STANDARD_GRAVITY_MPS2)
-    difference, both = gravity.value - 1.0, math.hypot(std, gain_std)
-    if std > _GRAVITY_TELLS * gain_std and abs(difference) <= CONTRADICTION * both:
+    difference, combined_std = gravity.value - 1.0, math.hypot(std, gain_std)
+    if std > _GRAVITY_STD_RATIO * gain_std and abs(difference) <= CONTRADICTION * combined_std:
         return 0.0
-    return disagreement_std(difference, both)
+    return disagreement_std(difference, combined_std)
 
 
 def _gravity_contradiction(gain: Value | None, gain_std: float) -> Contradiction | None:
@@ -603,9 +603,9 @@ def _steady_contradiction(
     measured: Measured, conditions: TireConditions, ratio: Value, by_gain: float, depth: float
 ) -> Contradiction:
     """Return the contradiction of the steady value, with its possible causes, the likeliest first."""
-    possible = sorted(_causes(measured, conditions, ratio, by_gain, depth), key=lambda cause: cause.errors)
-    reasons = tuple(cause.reason for cause in possible) or (Reason(TrustCode.NO_SINGLE_CAUSE),)
-    ratios = {cause.cause: cause.ratio for cause in reversed(possible)}
+    candidates = sorted(_causes(measured, conditions, ratio, by_gain, depth), key=lambda cause: cause.errors)
+    reasons = tuple(cause.reason for cause in candidates) or (Reason(TrustCode.NO_SINGLE_CAUSE),)
+    ratios = {cause.cause: cause.ratio for cause in reversed(candidates)}
     if not ratios:
         # Several statements are wrong, any of these three among them.
         value = max(ratio.value, 0.1)
@@ -614,7 +614,7 @@ def _steady_contradiction(
     return Contradiction(Subject.STEADY, reason, ratios)
 
 
-class _Possible(NamedTuple):
+class _Cause(NamedTuple):
     """A possible cause, its implausibility in standard errors, and the ratio of true to stated value it needs."""
 
     errors: float
@@ -625,7 +625,7 @@ class _Possible(NamedTuple):
 
 def _causes(
     measured: Measured, conditions: TireConditions, ratio: Value, by_gain: float, depth: float
-) -> Iterator[_Possible]:
+) -> Iterator[_Cause]:
     claims = conditions.claims
     tolerance = CONTRADICTION * math.hypot(by_gain, conditions.radius_std_m / conditions.radius_m) * abs(ratio.value)
     gravity = _gravity_gain(measured, depth)
@@ -638,37 +638,37 @@ def _causes(
     value = ratio.value
     if gravity_allows(value):
         units = [
-            _Possible(_UNIT_ERRORS, Basis.GAIN, factor, Reason(TrustCode.WOULD_FIT, what=unit))
+            _Cause(_UNIT_ERRORS, Basis.GAIN, factor, Reason(TrustCode.WOULD_FIT, what=unit))
             for factor, unit in ((STANDARD_GRAVITY_MPS2, "mps2"), (1.0 / STANDARD_GRAVITY_MPS2, "g"))
             if abs(value - factor) <= tolerance
         ]
         yield from units
         if value > 0.0 and not units:
             errors = abs(math.log(value)) / max(claims.gain_std, 1e-6)
-            yield _Possible(errors, Basis.GAIN, value, Reason(TrustCode.WOULD_FIT, what="gain", gain=value))
+            yield _Cause(errors, Basis.GAIN, value, Reason(TrustCode.WOULD_FIT, what="gain", gain=value))
     if not gravity_allows(1.0):
         return
     if value > 0.0:
         root = math.sqrt(value)
-        near = min(_RATE_RATIOS, key=lambda candidate: abs(math.log(candidate / root)))
-        is_near = abs(near**2 - value) <= tolerance
-        rate = near if is_near else root
+        nearest = min(_RATE_RATIOS, key=lambda candidate: abs(math.log(candidate / root)))
+        is_common_ratio = abs(nearest**2 - value) <= tolerance
+        rate = nearest if is_common_ratio else root
         stated_hz = measured.rate_hz
-        yield _Possible(
-            _RATIO_ERRORS if is_near else _OTHER_RATE_ERRORS,
+        yield _Cause(
+            _RATIO_ERRORS if is_common_ratio else _OTHER_RATE_ERRORS,
             Basis.RATE,
             rate,
             Reason(TrustCode.WOULD_FIT, what="rate", rate_hz=rate * stated_hz, stated_hz=stated_hz),
         )
-        if is_near and near in _MISSED_CONTACTS:
-            missed = Reason(TrustCode.WOULD_FIT, what="contacts", every=near)
-            yield _Possible(_MISSED_ERRORS, Basis.RATE, rate, missed)
+        if is_common_ratio and nearest in _MISSED_CONTACTS:
+            missed = Reason(TrustCode.WOULD_FIT, what="contacts", every=nearest)
+            yield _Cause(_MISSED_ERRORS, Basis.RATE, rate, missed)
         radius_m = conditions.radius_m * value
         if _RADII_M[0] <= radius_m <= _RADII_M[1]:
             errors = abs(math.log(value)) / max(conditions.radius_std_m / conditions.radius_m, 1e-6)
-            fits = Reason(TrustCode.WOULD_FIT, what="radius", radius_m=radius_m, stated_m=conditions.radius_m)
-            yield _Possible(errors, Basis.RADIUS, value, fits)
+            reason = Reason(TrustCode.WOULD_FIT, what="radius", radius_m=radius_m, stated_m=conditions.radius_m)
+            yield _Cause(errors, Basis.RADIUS, value, reason)
     zero_mps2 = (value - 1.0) * measured.steady_mps2
     if not measured.ac_coupled and abs(zero_mps2) <= LARGEST_ZERO_MPS2:
         errors = abs(zero_mps2) / max(claims.zero_g_std_mps2, 1e-6)
-        yield _Possible(errors, Basis.ZERO, math.nan, Reason(TrustCode.WOULD_FIT, what="zero", zero_mps2=zero_mps2))
+        yield _Cause(errors, Basis.ZERO, math.nan, Reason(TrustCode.WOULD_FIT, what="zero", zero_mps2=zero_mps2))

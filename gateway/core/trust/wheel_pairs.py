@@ -47,26 +47,26 @@ ALARMS: Final = frozenset({ALARM, AXIS_LAG, str(Subject.WHEEL_SPEED), str(Subjec
 """Names of the alarms of wheels that are compared."""
 
 # A block of one wheel's revolutions may come before those of the other wheel.
-_WAITING: Final = 4096
+_QUEUE_CAPACITY: Final = 4096
 # Pairs of revolutions, each of which is beyond three errors at both wheels, and the share that must be opposite. A
 # wheel that meets a kerb or a puddle alone is one of few.
-_LEAST: Final = 8
-_OPPOSITE: Final = 0.8
+_MIN_PAIRS: Final = 8
+_OPPOSITE_SHARE: Final = 0.8
 # Revolutions that are compared, some ten seconds of driving, and after how many this is done again.
-_COMPARED: Final = 128
-_EVERY: Final = 16
+_WINDOW_REVOLUTIONS: Final = 128
+_COMPARISON_INTERVAL: Final = 16
 # Lateral acceleration that ordinary driving does not exceed for so long, and the widest track, of a truck.
 _CURVE_MPS2: Final = 4.0
 _TRACK_M: Final = 2.1
 # Results of one wheel come up to so much later than those of the other: live, they wait for the next ones.
-_LATER_NS: Final = 10_000_000_000
+_MAX_DELAY_NS: Final = 10_000_000_000
 # Quantity that side force displaces, with the sign of the lateral axis.
-_SHIFT: Final = "belt_shift_m"
+_BELT_SHIFT: Final = "belt_shift_m"
 # Changes of the verdict that are remembered.
-_CHANGES: Final = 256
+_VERDICT_CAPACITY: Final = 256
 
 
-class _Turn(NamedTuple):
+class _WheelRevolution(NamedTuple):
     """A revolution of one wheel.
 
     End, middle and half of its period, ns, direction of its slip, speed, turn rate and shift of its belt.
@@ -82,7 +82,7 @@ class _Turn(NamedTuple):
     shift_m: float
 
 
-class _Both(NamedTuple):
+class _RevolutionPair(NamedTuple):
     """A revolution of either wheel at the same time; the ratio of the speeds is right over left."""
 
     end_ns: float
@@ -125,8 +125,8 @@ class _Verdict(NamedTuple):
         return (Contradiction(Subject.WHEEL_SPEED, reason, {Basis.RADIUS: ratio, Basis.RATE: ratio}),)
 
 
-_NOTHING: Final = _Verdict()
-_NOT_APART: Final = (math.nan, math.nan)
+_NO_VERDICT: Final = _Verdict()
+_NO_RATIO: Final = (math.nan, math.nan)
 
 
 class VehicleWitness(Protocol):
@@ -157,80 +157,80 @@ class _Pair:
         verdicts: each from its time on.
     """
 
-    waiting: tuple[deque[_Turn], deque[_Turn]] = field(
-        default_factory=lambda: (deque(maxlen=_WAITING), deque(maxlen=_WAITING))
+    waiting: tuple[deque[_WheelRevolution], deque[_WheelRevolution]] = field(
+        default_factory=lambda: (deque(maxlen=_QUEUE_CAPACITY), deque(maxlen=_QUEUE_CAPACITY))
     )
     newest_ns: list[float] = field(default_factory=lambda: [-math.inf, -math.inf])
-    both: list[_Both] = field(default_factory=list)
-    opposite: deque[bool] = field(default_factory=lambda: deque(maxlen=_COMPARED))
-    speeds: deque[_Both] = field(default_factory=lambda: deque(maxlen=_COMPARED))
+    both: list[_RevolutionPair] = field(default_factory=list)
+    opposite: deque[bool] = field(default_factory=lambda: deque(maxlen=_WINDOW_REVOLUTIONS))
+    speeds: deque[_RevolutionPair] = field(default_factory=lambda: deque(maxlen=_WINDOW_REVOLUTIONS))
     compared: int = 0
-    apart: tuple[float, float] = _NOT_APART
+    apart: tuple[float, float] = _NO_RATIO
     signs: tuple[LateralSign, LateralSign] = field(default_factory=lambda: (LateralSign(), LateralSign()))
-    verdicts: deque[_Verdict] = field(default_factory=lambda: deque((_NOTHING,), maxlen=_CHANGES))
+    verdicts: deque[_Verdict] = field(default_factory=lambda: deque((_NO_VERDICT,), maxlen=_VERDICT_CAPACITY))
 
-    def take(self, side: int, turn: _Turn) -> None:
+    def take(self, side: int, turn: _WheelRevolution) -> None:
         """Compare a revolution with those of the other wheel at its time."""
         others = self.waiting[1 - side]
         while others and others[0].middle_ns < turn.middle_ns - turn.half_ns:
             others.popleft()
-        for other in takewhile(lambda other: other.middle_ns < turn.middle_ns + turn.half_ns, others):
-            if abs(other.middle_ns - turn.middle_ns) < min(turn.half_ns, other.half_ns):
-                left, right = (turn, other) if side == 0 else (other, turn)
-                both = _Both(
-                    max(turn.end_ns, other.end_ns),
-                    turn.direction * other.direction,
+        for candidate in takewhile(lambda candidate: candidate.middle_ns < turn.middle_ns + turn.half_ns, others):
+            if abs(candidate.middle_ns - turn.middle_ns) < min(turn.half_ns, candidate.half_ns):
+                left, right = (turn, candidate) if side == 0 else (candidate, turn)
+                pair = _RevolutionPair(
+                    max(turn.end_ns, candidate.end_ns),
+                    turn.direction * candidate.direction,
                     right.speed_mps / left.speed_mps,
                     left.speed_mps,
                     math.hypot(left.speed_std, right.speed_std),
                     (left.rate_radps, right.rate_radps),
                     (left.shift_m, right.shift_m),
                 )
-                bisect.insort(self.both, both)
+                bisect.insort(self.both, pair)
         self.waiting[side].append(turn)
         self.newest_ns[side] = turn.end_ns
         until_ns = min(self.newest_ns)
         while self.both and self.both[0].end_ns <= until_ns:
             self._judge(self.both.pop(0))
 
-    def _judge(self, both: _Both) -> None:
-        if both.side > 0.0 or both.side < 0.0:
-            self.opposite.append(both.side < 0.0)
-        if math.isfinite(both.ratio):
-            for sign, rate_radps, shift_m in zip(self.signs, both.rates_radps, both.shifts_m, strict=True):
-                sign.take(rate_radps, both.speed_mps, both.ratio, shift_m)
-            self.speeds.append(both)
+    def _judge(self, pair: _RevolutionPair) -> None:
+        if pair.side > 0.0 or pair.side < 0.0:
+            self.opposite.append(pair.side < 0.0)
+        if math.isfinite(pair.ratio):
+            for sign, rate_radps, shift_m in zip(self.signs, pair.rates_radps, pair.shifts_m, strict=True):
+                sign.take(rate_radps, pair.speed_mps, pair.ratio, shift_m)
+            self.speeds.append(pair)
             self.compared += 1
-            if self.compared % _EVERY == 0:
-                self.apart = self._speeds_apart()
-        count, opposite = len(self.opposite), sum(self.opposite)
-        slips_apart = count >= _LEAST and opposite > _OPPOSITE * count
-        last = self.verdicts[-1]
-        opposite, same = (opposite, count - opposite) if slips_apart else (0, 0)
+            if self.compared % _COMPARISON_INTERVAL == 0:
+                self.apart = self._unexplained_ratio()
+        count, opposite_count = len(self.opposite), sum(self.opposite)
+        is_slip_opposite = count >= _MIN_PAIRS and opposite_count > _OPPOSITE_SHARE * count
+        previous = self.verdicts[-1]
+        opposite_count, same_count = (opposite_count, count - opposite_count) if is_slip_opposite else (0, 0)
         signs = self.signs[0].sign, self.signs[1].sign
-        verdict = _Verdict(both.end_ns, opposite, same, *self.apart, signs)
-        if verdict.says != last.says:
+        verdict = _Verdict(pair.end_ns, opposite_count, same_count, *self.apart, signs)
+        if verdict.says != previous.says:
             self.verdicts.append(verdict)
 
-    def _speeds_apart(self) -> tuple[float, float]:
+    def _unexplained_ratio(self) -> tuple[float, float]:
         """Return the ratio of the speeds and its error where neither errors nor a curve explain it.
 
         Once a ratio is apart, a curve is no explanation of speeds that stay so: a slow stretch allows a tighter curve,
         and is no evidence that the radius is right.
         """
-        if len(self.speeds) < _COMPARED:
-            return _NOT_APART
-        ratios = np.array([both.ratio for both in self.speeds])
+        if len(self.speeds) < _WINDOW_REVOLUTIONS:
+            return _NO_RATIO
+        ratios = np.array([pair.ratio for pair in self.speeds])
         ratio = float(np.median(ratios))
-        slowest = min(both.speed_mps for both in self.speeds)
-        goes_on = (ratio - 1.0) * (self.apart[0] - 1.0) > 0.0
-        curve = 0.0 if goes_on else _CURVE_MPS2 * _TRACK_M / slowest**2
+        slowest = min(pair.speed_mps for pair in self.speeds)
+        is_persistent = (ratio - 1.0) * (self.apart[0] - 1.0) > 0.0
+        curve_tolerance = 0.0 if is_persistent else _CURVE_MPS2 * _TRACK_M / slowest**2
         std = math.hypot(self.speeds[-1].std, float(ratios.std()) / math.sqrt(len(ratios)))
-        return (ratio, std) if abs(ratio - 1.0) > CONTRADICTION * std + curve else _NOT_APART
+        return (ratio, std) if abs(ratio - 1.0) > CONTRADICTION * std + curve_tolerance else _NO_RATIO
 
     def verdict(self, at_ns: float) -> _Verdict:
         """Return what is known at a time."""
-        return next((verdict for verdict in reversed(self.verdicts) if verdict.at_ns <= at_ns), _NOTHING)
+        return next((verdict for verdict in reversed(self.verdicts) if verdict.at_ns <= at_ns), _NO_VERDICT)
 
 
 class WheelPairs:
@@ -241,10 +241,10 @@ class WheelPairs:
         self._join, self._turns = join, turns
         self._axis_lags = AxisLags()
         self._pairs: dict[str, _Pair] = {}
-        self._lefts: dict[str, str] = {}
+        self._left_by_right: dict[str, str] = {}
         self._names = frozenset(quantity.name for quantity in declared() if quantity.is_of_axle)
         # Time of the latest result of a pair, and up to which a wheel's turn rate is judged.
-        self._at_ns: dict[str, float] = {}
+        self._latest_ns: dict[str, float] = {}
         self._known_ns: dict[str, float] = {}
 
     def compared(self, results: list[RevolutionResult]) -> Iterator[tuple[RevolutionResult, bool]]:
@@ -261,7 +261,7 @@ class WheelPairs:
         if self._join is not None:
             results = [self._join.joined(result) for result in results]
         self._compare(results)
-        yield from map(self._take, results)
+        yield from map(self._qualify, results)
 
     def _compare(self, results: Iterable[RevolutionResult]) -> None:
         for result in results:
@@ -277,27 +277,27 @@ class WheelPairs:
             direction = next((e.value for e in slips if e.name in self._names and e.status is not Status.INVALID), 0.0)
             right = right_of(result.position)
             if right is not None:
-                self._lefts[right] = result.position
+                self._left_by_right[right] = result.position
             half_ns = 0.5e9 * revolution.period_s
-            turn = _Turn(
+            wheel_revolution = _WheelRevolution(
                 result.host_ns,
                 result.host_ns - half_ns,
                 half_ns,
                 0.0 if math.isnan(direction) else direction,
                 conditions.radius_m * revolution.omega_radps if is_evident else math.nan,
                 math.hypot(conditions.radius_std_m / conditions.radius_m, conditions.claims.rate_std),
-                *(next((e.value for e in result.estimates if e.name == n), math.nan) for n in (TURN_RATE, _SHIFT)),
+                *(next((e.value for e in result.estimates if e.name == n), math.nan) for n in (TURN_RATE, _BELT_SHIFT)),
             )
-            self._pairs.setdefault(right or result.position, _Pair()).take(int(right is None), turn)
+            self._pairs.setdefault(right or result.position, _Pair()).take(int(right is None), wheel_revolution)
 
-    def _take(self, result: RevolutionResult) -> tuple[RevolutionResult, bool]:
+    def _qualify(self, result: RevolutionResult) -> tuple[RevolutionResult, bool]:
         if not result.host_ns:
             return result, False
-        position, known_ns = result.position, result.host_ns - _LATER_NS
+        position, known_ns = result.position, result.host_ns - _MAX_DELAY_NS
         result, is_changed = self._axis_lags.take(result, known_ns)
-        before = self._turns_as(position)
+        previous_state = self._turn_alarm_state(position)
         self._known_ns[position] = max(self._known_ns.get(position, -math.inf), known_ns)
-        is_changed |= self._turns_as(position) != before
+        is_changed |= self._turn_alarm_state(position) != previous_state
         estimates, contradictions = result.estimates, self._verdict(position, known_ns).contradictions
         sign, reversed_by = self._sign(position, known_ns)
         if sign > 0:
@@ -305,22 +305,22 @@ class WheelPairs:
         elif reversed_by is not None:
             estimates = provisional_where(estimates, Basis.SIGN, reversed_by)
         right = right_of(position) or position
-        pair, left = self._pairs.get(right), self._lefts.get(right)
+        pair, left = self._pairs.get(right), self._left_by_right.get(right)
         if pair is not None and left is not None:
-            said = pair.verdict(self._at_ns.get(right, -math.inf)).says
-            self._at_ns[right] = max(self._at_ns.get(right, -math.inf), result.host_ns)
-            is_changed |= pair.verdict(self._at_ns[right]).says != said
+            previous_alarms = pair.verdict(self._latest_ns.get(right, -math.inf)).says
+            self._latest_ns[right] = max(self._latest_ns.get(right, -math.inf), result.host_ns)
+            is_changed |= pair.verdict(self._latest_ns[right]).says != previous_alarms
             verdict, is_right = pair.verdict(known_ns), position == right
-            other = left if is_right else right
+            partner = left if is_right else right
             if verdict.opposite:
-                estimates = provisional_where(estimates, Basis.SIGN, verdict.reason_of_slip(other))
-            contradictions = (*verdict.contradictions(other, is_right=is_right), *contradictions)
+                estimates = provisional_where(estimates, Basis.SIGN, verdict.reason_of_slip(partner))
+            contradictions = (*verdict.contradictions(partner, is_right=is_right), *contradictions)
         if contradictions:
             evidence = Evidence.of_contradictions(contradictions)
             estimates = tuple([evidence.qualified(estimate) for estimate in estimates])
         return result if estimates is result.estimates else replace(result, estimates=estimates), is_changed
 
-    def _turns_as(self, position: str) -> tuple[object, ...]:
+    def _turn_alarm_state(self, position: str) -> tuple[object, ...]:
         """Return what changes the alarms of a wheel's turn rate."""
         known_ns = self._known_ns.get(position, -math.inf)
         verdict = self._verdict(position, known_ns)
@@ -332,16 +332,16 @@ class WheelPairs:
     def _sign_by_speeds(self, position: str, at_ns: float) -> tuple[int, str]:
         """Return the sign of a lateral axis by its axle's speeds, and the other wheel; 0 where these do not show it."""
         right = right_of(position) or position
-        left_wheel = self._lefts.get(right)
+        left_wheel = self._left_by_right.get(right)
         if left_wheel is None or right not in self._pairs:
             return 0, ""
         return self._pairs[right].verdict(at_ns).signs[position == right], left_wheel if position == right else right
 
     def _sign(self, position: str, at_ns: float) -> tuple[int, Reason | None]:
         """Return the sign of a lateral axis as known at a time, 0 where it is open, and why it points to the right."""
-        by_speeds, other = self._sign_by_speeds(position, at_ns)
-        if by_speeds:
-            return by_speeds, Reason(TrustCode.LATERAL_AXIS_REVERSED, other=other) if by_speeds < 0 else None
+        speed_sign, partner = self._sign_by_speeds(position, at_ns)
+        if speed_sign:
+            return speed_sign, Reason(TrustCode.LATERAL_AXIS_REVERSED, other=partner) if speed_sign < 0 else None
         verdict = self._verdict(position, at_ns)
         sign, witness = verdict.sign, verdict.by
         for wheel, side in verdict.sides.items() if not sign else ():
@@ -359,21 +359,21 @@ class WheelPairs:
         if self._join is not None:
             yield from self._join.alarms()
         yield from self._axis_lags.alarms()
-        for right, left in self._lefts.items():
-            verdict = self._pairs[right].verdict(self._at_ns.get(right, -math.inf))
-            for position, other, sign in ((left, right, verdict.signs[0]), (right, left, verdict.signs[1])):
+        for right, left in self._left_by_right.items():
+            verdict = self._pairs[right].verdict(self._latest_ns.get(right, -math.inf))
+            for position, partner, sign in ((left, right, verdict.signs[0]), (right, left, verdict.signs[1])):
                 if sign < 0:
-                    yield Alarm(position, ALARM, Reason(TrustCode.LATERAL_AXIS_REVERSED, other=other))
+                    yield Alarm(position, ALARM, Reason(TrustCode.LATERAL_AXIS_REVERSED, other=partner))
                 elif verdict.opposite:
-                    yield Alarm(position, ALARM, verdict.reason_of_slip(other))
-                for contradiction in verdict.contradictions(other, is_right=position == right):
+                    yield Alarm(position, ALARM, verdict.reason_of_slip(partner))
+                for contradiction in verdict.contradictions(partner, is_right=position == right):
                     yield Alarm(position, str(contradiction.subject), contradiction.reason)
         for position, known_ns in self._known_ns.items():
-            turn, (_, reversed_by) = self._verdict(position, known_ns), self._sign(position, known_ns)
-            by_speeds = self._sign_by_speeds(position, known_ns)[0]
-            if reversed_by is not None and not by_speeds:
+            turn_verdict, (_, reversed_by) = self._verdict(position, known_ns), self._sign(position, known_ns)
+            speed_sign = self._sign_by_speeds(position, known_ns)[0]
+            if reversed_by is not None and not speed_sign:
                 yield Alarm(position, ALARM, reversed_by)
-            if by_speeds * turn.sign < 0 and turn.by is Witness.YAW_RATE:
+            if speed_sign * turn_verdict.sign < 0 and turn_verdict.by is Witness.YAW_RATE:
                 yield Alarm(position, str(Subject.TURN_RATE), Reason(TrustCode.YAW_RATE_REVERSED))
-            for contradiction in turn.contradictions:
+            for contradiction in turn_verdict.contradictions:
                 yield Alarm(position, str(contradiction.subject), contradiction.reason)

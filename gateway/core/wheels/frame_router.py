@@ -124,19 +124,19 @@ class FrameRouter(Generic[WheelT]):
             if stretch.runs:
                 self._samples(link, block, stretch, hosts_ns)
             if stretch.last is not None:
-                place, frame = stretch.last
+                index, frame = stretch.last
                 for watcher in self._watchers:
                     watcher.message(link, frame)
-                self._slow(link, frame, int(hosts_ns[place]) if hosts_ns is not None else None)
+                self._take_message(link, frame, int(hosts_ns[index]) if hosts_ns is not None else None)
 
-    def _slow(self, link: str, frame: Frame, host_ns: int | None) -> None:
+    def _take_message(self, link: str, frame: Frame, host_ns: int | None) -> None:
         """Take a frame without samples of an admitted source; `host_ns` is None without arrival."""
         _, hub_number, number, _, tick, message = frame
         hub = self.hub(link, hub_number)
         if isinstance(message, Hello):
             if hub.boot_count is not None and hub.boot_count != message.boot_count:
-                for (of_link, of_hub, _), wheel in self.wheels.items():
-                    if (of_link, of_hub) == (link, hub_number) and wheel is not None:
+                for (wheel_link, wheel_hub, _), wheel in self.wheels.items():
+                    if (wheel_link, wheel_hub) == (link, hub_number) and wheel is not None:
                         wheel.restart()
                 hub.restart()
             hub.boot_count = message.boot_count
@@ -161,7 +161,7 @@ class FrameRouter(Generic[WheelT]):
 
     def hubs(self, link: str) -> Iterator[tuple[int, Hub]]:
         """Yield the hubs of a link by number."""
-        return ((number, hub) for (of_link, number), hub in self._hubs.items() if of_link == link)
+        return ((number, hub) for (hub_link, number), hub in self._hubs.items() if hub_link == link)
 
     def wheel(self, link: str, hub: int, number: int) -> WheelT | None:
         """Return an admitted wheel, new if need be; None for the hub itself, and for one that is of no interest."""

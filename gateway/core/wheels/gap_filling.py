@@ -20,8 +20,8 @@ from gateway.core.types import BoolArray, FloatArray
 
 # Revolutions before whose mean is the shape, about a second of driving, and how many of them must have samples where
 # this one has none: the mean of four has half the noise of one.
-_MOST: Final = 8
-_LEAST: Final = 4
+_MAX_REVOLUTIONS: Final = 8
+_MIN_COVERAGE: Final = 4
 # A wheel that stands, or a sensor that is silent, for longer may roll on under another load.
 _LONGEST_PAUSE_S: Final = 10.0
 
@@ -41,7 +41,7 @@ def angles_in_gaps(gaps: Iterable[tuple[float, float]], phase: Phase, n: int) ->
     return inside
 
 
-class _Earlier(NamedTuple):
+class _Reference(NamedTuple):
     """An earlier revolution: its axes, its angular speed, and at which angles it has no samples."""
 
     axes_mps2: FloatArray
@@ -58,7 +58,7 @@ class GapFilling:
 
     def reset(self) -> None:
         """Forget the shape, as after a change of sensor."""
-        self._earlier: deque[_Earlier] = deque(maxlen=_MOST)
+        self._references: deque[_Reference] = deque(maxlen=_MAX_REVOLUTIONS)
         self._state: object = None
         self._latest_s = -math.inf
 
@@ -75,32 +75,32 @@ class GapFilling:
             start_s: when the revolution begins; those from before a pause are forgotten.
         """
         if state != self._state or not 0.0 <= start_s - self._latest_s <= _LONGEST_PAUSE_S:
-            self._earlier.clear()
+            self._references.clear()
         self._state, self._latest_s = state, start_s
-        is_whole = inside is None or self._fill(axes_mps2, omega_radps, inside)
-        self._earlier.append(_Earlier(axes_mps2, omega_radps, inside))
-        return is_whole
+        is_complete = inside is None or self._fill(axes_mps2, omega_radps, inside)
+        self._references.append(_Reference(axes_mps2, omega_radps, inside))
+        return is_complete
 
     def _fill(self, axes_mps2: FloatArray, omega_radps: float, inside: BoolArray) -> bool:
         if not inside.any():
             # Of a slow wheel a short gap lies between two angles of the grid.
             return True
         measured = ~inside
-        if not self._earlier or measured.mean() < LEAST_MEASURED:
+        if not self._references or measured.mean() < LEAST_MEASURED:
             return False
         total, count = np.zeros_like(axes_mps2), np.zeros(len(inside))
-        turned = elapsed_angles(len(inside)) - math.pi
+        angles_rad = elapsed_angles(len(inside)) - math.pi
         # Of the radial axis, whose direction is known, gravity does not grow with the speed.
         gravity = np.zeros_like(axes_mps2)
-        gravity[Axis.RADIAL] = -STANDARD_GRAVITY_MPS2 * np.cos(turned)
-        for axes, omega, apart in self._earlier:
+        gravity[Axis.RADIAL] = -STANDARD_GRAVITY_MPS2 * np.cos(angles_rad)
+        for axes, omega, gap_mask in self._references:
             scaled = (axes - gravity) * (omega_radps / omega) ** 2
-            total += scaled if apart is None else np.where(apart, 0.0, scaled)
-            count += 1.0 if apart is None else ~apart
-        if count[inside].min() < _LEAST:
+            total += scaled if gap_mask is None else np.where(gap_mask, 0.0, scaled)
+            count += 1.0 if gap_mask is None else ~gap_mask
+        if count[inside].min() < _MIN_COVERAGE:
             return False
         shape = total / np.maximum(count, 1.0) + gravity
-        line = np.stack([np.ones_like(turned), turned], axis=1)
+        line = np.stack([np.ones_like(angles_rad), angles_rad], axis=1)
         rows = line[measured & (count > 0.0)]
         # Not by a common solver of all columns: an axis that is absent is no number, and must stay the only one.
         constant_and_ramp = np.linalg.inv(rows.T @ rows) @ (rows.T @ (axes_mps2 - shape)[:, measured & (count > 0.0)].T)

@@ -30,11 +30,11 @@ def old_pressure_s(readings: Sequence[Reading], at_us: float) -> float | None:
             if (at_us - tick_us) * 1e-6 <= ENVIRONMENT_LEAST_S:
                 return None
             break
-    taken = [tick_us for tick_us, reading, _ in readings if tick_us <= at_us and reading.pressure_pa is not None]
-    if not taken:
+    ticks_us = [tick_us for tick_us, reading, _ in readings if tick_us <= at_us and reading.pressure_pa is not None]
+    if not ticks_us:
         return None
-    interval_s = median(after - before for before, after in pairwise(taken)) * 1e-6 if len(taken) > 1 else 0.0
-    age_s = (at_us - taken[-1]) * 1e-6
+    interval_s = median(after - before for before, after in pairwise(ticks_us)) * 1e-6 if len(ticks_us) > 1 else 0.0
+    age_s = (at_us - ticks_us[-1]) * 1e-6
     return age_s if age_s > max(ENVIRONMENT_LEAST_S, ENVIRONMENT_INTERVALS * interval_s) else None
 
 
@@ -48,6 +48,6 @@ def change_since_reading_pa(latest_first: Iterable[Reading]) -> float:
         latest_first: readings, the latest one first.
     """
     pressures = (reading.pressure_pa for _, reading, _ in latest_first if reading.pressure_pa is not None)
-    latest = next(pressures, None)
-    before = next(pressures, None)
-    return abs(latest - before) / math.sqrt(3.0) if latest is not None and before is not None else 0.0
+    latest_pa = next(pressures, None)
+    previous_pa = next(pressures, None)
+    return abs(latest_pa - previous_pa) / math.sqrt(3.0) if latest_pa is not None and previous_pa is not None else 0.0

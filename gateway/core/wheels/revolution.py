@@ -41,7 +41,7 @@ from gateway.core.wheels.reasons import WheelCode
 from gateway.core.wheels.sample_buffer import SampleBuffer
 
 # Revolutions worked on at once; more no longer fit into the processor's cache.
-_TOGETHER: Final = 16
+_BATCH_SIZE: Final = 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,8 +173,8 @@ def revolutions_in_angle(
     radial = np.empty((len(revolutions), GRID_SIZE))
     orders = np.empty((len(revolutions), ORDER_COUNT), np.complex128)
     extracted: list[Revolution] = []
-    for begin in range(0, len(revolutions), _TOGETHER):
-        part = slice(begin, begin + _TOGETHER)
+    for begin in range(0, len(revolutions), _BATCH_SIZE):
+        part = slice(begin, begin + _BATCH_SIZE)
         rows = axes[part], radial[part], orders[part]
         extracted += _in_angle(revolutions[part], buffer, reading, radius_m, filling, *rows)
     return RevolutionArrays.of_rows(extracted, axes, radial, orders)
@@ -220,13 +220,13 @@ def _in_angle(
         is_saturated = may_be_saturated and reading.is_saturated(samples)
         is_clipped_low = not is_saturated and is_clipped(samples[:, reading.radial_column], timed_revolution.sign)
         is_damaged = _is_damaged(timed_revolution.timed)
-        against = _faults(timed_revolution, is_damaged, is_saturated, is_clipped_low)
+        revolution_faults = _faults(timed_revolution, is_damaged, is_saturated, is_clipped_low)
         is_usable = not (lost or is_damaged)
-        if not (against or is_damaged):
+        if not (revolution_faults or is_damaged):
             inside = angles_in_gaps(_gaps(timed_revolution, buffer), phase, GRID_SIZE) if lost else None
             state = timed_revolution.sign, timed_revolution.contribution_mps2 is None
             is_usable = filling.take(row, omega_radps, inside, state, timed_revolution.start_s)
-        faults.append(against if is_usable else (Reason(EstimateCode.SAMPLES_LOST), *against))
+        faults.append(revolution_faults if is_usable else (Reason(EstimateCode.SAMPLES_LOST), *revolution_faults))
         missing.append(lost / phase.samples if lost else 0.0)
         saturated.append(is_saturated)
     radial[:] = normalise_revolutions(
@@ -247,8 +247,8 @@ def _in_angle(
             orders[row_index, order_max + 1 :] = complex(math.nan, math.nan)
         # What stands in the gaps has hardly any noise.
         noise_coefficient = noise_coefficient / math.sqrt(max(1.0 - missing[row_index], LEAST_MEASURED))
-        against = faults[row_index]
-        waveform = None if _has_loss(against) else radial[row_index]
+        revolution_faults = faults[row_index]
+        waveform = None if _has_loss(revolution_faults) else radial[row_index]
         edges, edge_fault = _edges(revolution.timed, waveform, period, noise_coefficient)
         yield Revolution(
             index=revolution.index,
@@ -268,7 +268,7 @@ def _in_angle(
             missing_fraction=missing[row_index],
             saturated=saturated[row_index],
             ac_coupled=reading.ac_coupled,
-            faults=against if edge_fault is None else (*against, edge_fault),
+            faults=revolution_faults if edge_fault is None else (*revolution_faults, edge_fault),
             period_std_s=math.hypot(revolution.timed.period_std, revolution.missing_samples) / revolution.rate_hz,
             rate_hz=revolution.rate_hz,
             rate_std=revolution.rate_std,
@@ -311,11 +311,11 @@ def _samples_and_phase(revolution: TimedRevolution, buffer: SampleBuffer) -> tup
     return buffer.view(first, last), fit_phase(start - first, end - first, previous)
 
 
-def _range(earlier: TimedRevolution, later: TimedRevolution, buffer: SampleBuffer) -> tuple[int, int]:
+def _range(initial: TimedRevolution, final: TimedRevolution, buffer: SampleBuffer) -> tuple[int, int]:
     """Return first and last (exclusive) sample from one revolution to another, with margins for the interpolation."""
-    first = math.floor(earlier.timed.start.centre) - MARGIN_SAMPLES - 1
-    last = math.ceil(later.timed.end.centre) + MARGIN_SAMPLES + 2
-    return max(first, buffer.tail), min(last, later.pair.decided_at, buffer.head)
+    first = math.floor(initial.timed.start.centre) - MARGIN_SAMPLES - 1
+    last = math.ceil(final.timed.end.centre) + MARGIN_SAMPLES + 2
+    return max(first, buffer.tail), min(last, final.pair.decided_at, buffer.head)
 
 
 def _edges(

@@ -132,8 +132,8 @@ class SampleBuffer:
     def longest_measured(self, first: int, end: int) -> int:
         """Return the length of the longest stretch within `first` to `end` (exclusive) in which no sample was lost."""
         gaps = self.gaps_between(first, end)
-        begins, ends = [first, *(hi for _, hi in gaps)], [*(lo for lo, _ in gaps), end]
-        return max(after - before for before, after in zip(begins, ends, strict=True))
+        starts, ends = [first, *(hi for _, hi in gaps)], [*(lo for lo, _ in gaps), end]
+        return max(high - low for low, high in zip(starts, ends, strict=True))
 
     def _count_overwritten(self, new_tail: int, unread_from: int | None) -> None:
         if unread_from is not None and new_tail > unread_from:

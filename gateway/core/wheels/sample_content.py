@@ -54,9 +54,9 @@ class SampleContent:
 
     def block(self, hello: Hello, counts: NDArray[np.int16]) -> tuple[Contradiction, ...]:
         """Take the (n, channels) samples of a chosen block; return what contradicts the hello, after some blocks."""
-        stated = hello.axes, hello.coupling, hello.scale_mps2, hello.offset_counts, hello.sensor_id
-        if stated != self._stated:
-            self._stated = stated
+        description = hello.axes, hello.coupling, hello.scale_mps2, hello.offset_counts, hello.sensor_id
+        if description != self._stated:
+            self._stated = description
             self._blocks.clear()
         if self._blocks and counts.shape[1] != self._blocks[0].shape[1]:
             return ()

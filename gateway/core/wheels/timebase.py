@@ -93,29 +93,29 @@ class SampleClock:
         block_index = 0
         while block_index < len(ticks_us):
             index = first + block_index * block
-            due = self._indices[-1] + self._window if self._indices else index
-            if index >= due:
+            next_index = self._indices[-1] + self._window if self._indices else index
+            if index >= next_index:
                 self.stamp(index, ticks_us[block_index])
                 block_index += 1
             else:
-                block_index = -((first - due) // block)
+                block_index = -((first - next_index) // block)
 
     def _fitted(self, index: float) -> _Fit:
         """Return the line through the time stamps up to `index`."""
-        until = max(1, bisect_right(self._indices, index))
-        last = self._indices[until - 1]
+        end = max(1, bisect_right(self._indices, index))
+        last = self._indices[end - 1]
         cached = self._fits.get(last)
         if cached is not None:
             return cached
-        indices = np.array(self._indices[max(0, until - _SAMPLE_WINDOWS) : until], np.float64)
-        ticks = np.array(self._ticks_us[max(0, until - _SAMPLE_WINDOWS) : until], np.float64)
+        indices = np.array(self._indices[max(0, end - _SAMPLE_WINDOWS) : end], np.float64)
+        ticks = np.array(self._ticks_us[max(0, end - _SAMPLE_WINDOWS) : end], np.float64)
         ticks, steps_us, doubt = _without_steps(indices, ticks)
         rate, index_mean, tick_mean = self.nominal_rate_hz, float(indices.mean()), float(ticks.mean())
         span = indices[-1] - indices[0]
-        differs = abs(ticks[-1] - ticks[0] - span * 1e6 / rate) > _STAMP_ERROR_US
+        is_off_rate = abs(ticks[-1] - ticks[0] - span * 1e6 / rate) > _STAMP_ERROR_US
         # A rate that the stamps do not support yet is off by what they say of it.
         std = abs(float(ticks[-1] - ticks[0]) / (span * 1e6 / rate) - 1.0) if span else 0.0
-        if span >= _MIN_SPAN_S * rate or differs:
+        if span >= _MIN_SPAN_S * rate or is_off_rate:
             centred = indices - index_mean
             us_per_sample = float(centred @ (ticks - tick_mean) / (centred @ centred))
             measured = 1e6 / us_per_sample if us_per_sample > 0.0 else 0.0
@@ -168,25 +168,25 @@ def _without_steps(indices: FloatArray, ticks_us: FloatArray) -> _Unstepped:
     if len(samples) < _LEAST_TIMES:
         return _Unstepped(ticks_us, 0.0, 0.0)
     # The usual deviation of a few times is by chance.
-    least_us = _LEAST_STEP_US if len(samples) >= 2 * _LEAST_TIMES else 2.0 * _STAMP_ERROR_US
+    min_step_us = _LEAST_STEP_US if len(samples) >= 2 * _LEAST_TIMES else 2.0 * _STAMP_ERROR_US
     # Near the mean rate all are near the median one, which takes longer.
-    furthest_us = float(np.abs(times_us - samples * (times_us.sum() / samples.sum())).max())
-    if furthest_us * (1.0 + float(samples.max() / samples.min())) <= least_us:
+    max_deviation_us = float(np.abs(times_us - samples * (times_us.sum() / samples.sum())).max())
+    if max_deviation_us * (1.0 + float(samples.max() / samples.min())) <= min_step_us:
         return _Unstepped(ticks_us, 0.0, 0.0)
-    beyond_us = times_us - samples * float(np.median(times_us / samples))
-    limit_us = max(least_us, _STEP_DEVIATIONS * float(np.median(np.abs(beyond_us))))
-    is_step = np.abs(beyond_us) > limit_us
+    deviation_us = times_us - samples * float(np.median(times_us / samples))
+    limit_us = max(min_step_us, _STEP_DEVIATIONS * float(np.median(np.abs(deviation_us))))
+    is_step = np.abs(deviation_us) > limit_us
     if not is_step.any():
         return _Unstepped(ticks_us, 0.0, 0.0)
-    steps_us = np.where(is_step, beyond_us, 0.0)
+    steps_us = np.where(is_step, deviation_us, 0.0)
     if np.count_nonzero(is_step) > _MOST_STEPS * len(samples):
         return _Unstepped(ticks_us, 0.0, float(np.abs(steps_us).sum() / times_us.sum()))
-    in_a_row = int(np.argmin(is_step[::-1]))
-    doubt = abs(float(steps_us[-in_a_row:].sum() / times_us[-in_a_row:].sum())) if in_a_row > 1 else 0.0
-    without = ticks_us - np.concatenate(([0.0], np.cumsum(steps_us)))
+    run_length = int(np.argmin(is_step[::-1]))
+    doubt = abs(float(steps_us[-run_length:].sum() / times_us[-run_length:].sum())) if run_length > 1 else 0.0
+    unstepped_us = ticks_us - np.concatenate(([0.0], np.cumsum(steps_us)))
     if abs(steps_us[-1]) <= _STAMP_ERROR_US:
         steps_us[-1] = 0.0
-    return _Unstepped(without, float(steps_us.sum()), doubt)
+    return _Unstepped(unstepped_us, float(steps_us.sum()), doubt)
 
 
 def _slope_error(indices: FloatArray, residual_us: FloatArray) -> float:
@@ -202,10 +202,10 @@ def _slope_error(indices: FloatArray, residual_us: FloatArray) -> float:
     """
     count, span = len(indices), float(indices[-1] - indices[0])
     mean_square = float(residual_us @ residual_us) / (count - 2)
-    bends = np.diff(residual_us, 2)
-    at_random = float(bends @ bends) / (6.0 * len(bends))
-    walk = max(0.0, mean_square - _RANDOM_SCATTER * at_random) * 15.0 * count / span**2
-    return math.sqrt(mean_square / float(indices @ indices) + walk)
+    curvatures = np.diff(residual_us, 2)
+    random_variance = float(curvatures @ curvatures) / (6.0 * len(curvatures))
+    walk_variance = max(0.0, mean_square - _RANDOM_SCATTER * random_variance) * 15.0 * count / span**2
+    return math.sqrt(mean_square / float(indices @ indices) + walk_variance)
 
 
 class HostClock:
@@ -232,12 +232,12 @@ class HostClock:
         if window < self._open_from:
             return
         delay_ns = host_ns - tick_us * 1000
-        best = self._open.get(window)
-        if best is None or delay_ns < best[2]:
+        earliest = self._open.get(window)
+        if earliest is None or delay_ns < earliest[2]:
             self._open[window] = (window, tick_us, delay_ns)
         if window - _CLOSED_AFTER_WINDOWS >= self._open_from:
             self._open_from = window - _CLOSED_AFTER_WINDOWS + 1
-            self._closed.extend(self._open.pop(done) for done in sorted(self._open) if done < self._open_from)
+            self._closed.extend(self._open.pop(number) for number in sorted(self._open) if number < self._open_from)
 
     def stamp_all(self, ticks_us: NDArray[np.int64], hosts_ns: NDArray[np.int64]) -> None:
         """Add the arrivals of frames, (n,) each, in their order, n > 0."""
@@ -267,10 +267,10 @@ class HostClock:
         newest = int(tick_us // _HOST_WINDOW_US) - _USED_AFTER_WINDOWS
         fit = self._fits.get(newest)
         if fit is None:
-            used = [point for point in self._closed if point[0] <= newest][-_HOST_WINDOWS:]
-            if not used:
+            points = [point for point in self._closed if point[0] <= newest][-_HOST_WINDOWS:]
+            if not points:
                 return self._first[1] + round((tick_us - self._first[0]) * 1000.0)
-            fit = used[-1], *self._line(used)
+            fit = points[-1], *self._line(points)
             # Windows that can still be closed belong to no fit that is kept.
             if newest < self._open_from:
                 while len(self._fits) >= _HOST_WINDOWS:
@@ -287,16 +287,16 @@ class HostClock:
             return float(min(delay for _, _, delay in points) - base_ns), 0.0
         ticks = np.array([tick - base_us for _, tick, _ in points], np.float64)
         delays = np.array([delay - base_ns for _, _, delay in points], np.float64)
-        early = np.ones(len(points), bool)
+        is_early = np.ones(len(points), bool)
         drift = offset = 0.0
         for _ in range(3):
-            used = ticks[early]
-            tick, delay = float(used.mean()), float(delays[early].mean())
-            used -= tick
-            drift = float(used @ delays[early]) / float(used @ used)
+            early_ticks = ticks[is_early]
+            tick, delay = float(early_ticks.mean()), float(delays[is_early].mean())
+            early_ticks -= tick
+            drift = float(early_ticks @ delays[is_early]) / float(early_ticks @ early_ticks)
             offset = delay - drift * tick
             residual = delays - (offset + drift * ticks)
-            early = residual <= median(residual[early])
-            if early.sum() < 4:
+            is_early = residual <= median(residual[is_early])
+            if is_early.sum() < 4:
                 break
         return offset, drift

@@ -63,8 +63,8 @@ def _in_trend(conditions: TireConditions, revolution: Revolution, trend: Contact
     return replace(conditions, load_std_n=math.hypot(conditions.load_std_n, error * conditions.load_n))
 
 
-def _or(measured: float | None, stated: float | None) -> float | None:
-    return stated if measured is None else measured
+def _first_known(measured: float | None, fallback: float | None) -> float | None:
+    return fallback if measured is None else measured
 
 
 class _PausedSteps:
@@ -78,21 +78,21 @@ class _PausedSteps:
         before: AverageSteps | None,
     ) -> None:
         self._arrays = arrays
-        self._steps, self._before = steps, before
+        self._steps, self._previous = steps, before
         # Step after each revolution, -1 before the first.
-        self._step = np.searchsorted(np.array(taken, dtype=np.intp), np.arange(len(arrays)), side="right") - 1
+        self._step_indices = np.searchsorted(np.array(taken, dtype=np.intp), np.arange(len(arrays)), side="right") - 1
 
-    def _one(self, index: int) -> tuple[AverageSteps, int]:
-        if self._before is not None:
-            return self._before, len(self._before.counts) - 1
+    def _fallback_step(self, index: int) -> tuple[AverageSteps, int]:
+        if self._previous is not None:
+            return self._previous, len(self._previous.counts) - 1
         # Without any average the revolution stands for itself, in spite of its faults.
         return _average(RunningAverage(), self._arrays, [index]), 0
 
     @cached_property
     def _parts(self) -> list[tuple[AverageSteps, int]]:
         return [
-            (self._steps, int(step)) if self._steps is not None and step >= 0 else self._one(index)
-            for index, step in enumerate(self._step)
+            (self._steps, int(step)) if self._steps is not None and step >= 0 else self._fallback_step(index)
+            for index, step in enumerate(self._step_indices)
         ]
 
     @cached_property
@@ -124,12 +124,12 @@ class _PausedSteps:
         return steps.at(step)
 
 
-def _average(average: RunningAverage, arrays: RevolutionArrays, taken: Sequence[int]) -> AverageSteps:
+def _average(average: RunningAverage, arrays: RevolutionArrays, indices: Sequence[int]) -> AverageSteps:
     """Add some of the revolutions, at least one, to an average; return it after each."""
     revolutions, radial, orders = arrays.revolutions, arrays.radial_mps2, arrays.orders_mps2
     # Without a copy where all are taken, as nearly always.
-    if len(taken) < len(arrays):
-        revolutions, radial, orders = [revolutions[index] for index in taken], radial[taken], orders[taken]
+    if len(indices) < len(arrays):
+        revolutions, radial, orders = [revolutions[index] for index in indices], radial[indices], orders[indices]
     finite = np.isfinite(radial)
     if not finite.all():
         radial = np.where(np.logical_and.reduce(finite, axis=1, keepdims=True), radial, 0.0)
@@ -194,7 +194,7 @@ class TireEstimates:
         self._environment: deque[Reading] = deque(maxlen=_ENVIRONMENT_DEPTH)
         self.outside = OutsideReadings()
         # Conditions made from the latest readings that were used.
-        self._stated: tuple[Reading | None, OutsideReading | None, TireConditions | None] = None, None, None
+        self._conditions_cache: tuple[Reading | None, OutsideReading | None, TireConditions | None] = None, None, None
         self.last: RevolutionResult | None = None
         self.rejected = 0
         self.evidence: Evidence | None = None
@@ -238,14 +238,14 @@ class TireEstimates:
         revolutions, first = arrays.revolutions, 0
         for end in range(1, len(revolutions) + 1):
             corrected = revolutions[first].uncorrected is None
-            whole = end < len(revolutions) and (revolutions[end].uncorrected is None) is corrected
-            if not whole or end - first == _LONGEST_BLOCK:
+            is_same_series = end < len(revolutions) and (revolutions[end].uncorrected is None) is corrected
+            if not is_same_series or end - first == _LONGEST_BLOCK:
                 rows = slice(first, end)
-                results += self._take_alike(arrays.part(rows), ends_us[rows], hosts_ns[rows], doubts[rows])
+                results += self._estimate_series(arrays.part(rows), ends_us[rows], hosts_ns[rows], doubts[rows])
                 first = end
         return results
 
-    def _take_alike(
+    def _estimate_series(
         self,
         arrays: RevolutionArrays,
         ends_us: Sequence[float],
@@ -258,13 +258,13 @@ class TireEstimates:
         if uncorrected not in self._series:
             self._series[uncorrected] = _Series(self._setup, self._names, self._current)
         self._current = series = self._series[uncorrected]
-        averages = self._take_in(arrays)
-        stated = [
+        averages = self._update_average(arrays)
+        nominals = [
             _in_trend(_at_rate(self.conditions(end_us, host_ns), revolution.rate_std), revolution, series.contact_trend)
             for end_us, host_ns, revolution in zip(ends_us, hosts_ns, revolutions, strict=True)
         ]
-        measured = series.calibration.measure(RevolutionBlock(revolutions, arrays, averages, stated))
-        earlier: list[dict[str, dict[str, Estimate]]] = [{} for _ in revolutions]
+        measured = series.calibration.measure(RevolutionBlock(revolutions, arrays, averages, nominals))
+        by_estimator: list[dict[str, dict[str, Estimate]]] = [{} for _ in revolutions]
         evidences = [
             assess(
                 measurement,
@@ -274,20 +274,20 @@ class TireEstimates:
                 lost=lost,
                 full_scale_mps2=revolution.full_scale_mps2,
             )
-            for (measurement, lost), condition, revolution in zip(measured, stated, revolutions, strict=True)
+            for (measurement, lost), condition, revolution in zip(measured, nominals, revolutions, strict=True)
         ]
         self.evidence = evidences[-1]
         conditions = [
             evidence.applied_to(condition, by_others)
-            for evidence, condition, by_others in zip(evidences, stated, earlier, strict=True)
+            for evidence, condition, by_others in zip(evidences, nominals, by_estimator, strict=True)
         ]
         block = RevolutionBlock(revolutions, arrays, averages, conditions)
-        stated_block = RevolutionBlock(revolutions, arrays, averages, stated)
+        nominal_block = RevolutionBlock(revolutions, arrays, averages, nominals)
         streaks = [series.loss_streak.take(revolution) for revolution in revolutions]
         estimates: list[list[Estimate]] = [[] for _ in revolutions]
         for estimator in series.estimators:
             if estimator is series.calibration:
-                raw_estimates = series.calibration.estimates(stated_block, [evidence.unsure for evidence in evidences])
+                raw_estimates = series.calibration.estimates(nominal_block, [evidence.unsure for evidence in evidences])
             elif isinstance(estimator, BlockEstimator):
                 raw_estimates = estimator.update_block(block)
             else:
@@ -298,12 +298,12 @@ class TireEstimates:
             qualification = series.qualifications[estimator.name]
             finals = qualification.of_block(raw_estimates, revolutions, evidences, doubts, streaks)
             for index, final in enumerate(finals):
-                earlier[index][estimator.name] = {estimate.name: estimate for estimate in final}
+                by_estimator[index][estimator.name] = {estimate.name: estimate for estimate in final}
                 estimates[index] += final
         results = []
         for index, revolution in enumerate(revolutions):
             old_s = self._old_pressure_s(ends_us[index], hosts_ns[index])
-            final = self._finished(estimates[index], earlier[index], old_s)
+            final = self._finished(estimates[index], by_estimator[index], old_s)
             measurement, _ = measured[index]
             lags = (None, None) if measurement is None else measurement.relations.lags
             results.append(
@@ -315,44 +315,44 @@ class TireEstimates:
         return results
 
     def _finished(
-        self, estimates: list[Estimate], earlier: Mapping[str, Mapping[str, Estimate]], old_s: float | None
+        self, estimates: list[Estimate], by_estimator: Mapping[str, Mapping[str, Estimate]], old_s: float | None
     ) -> tuple[Estimate, ...]:
         """Return the estimates of a revolution with distinct names, and with the doubt of an old pressure.
 
         A name that an earlier estimator has used is prefixed with the estimator's: `ring-paper:Bs`.
         """
         if len({estimate.name for estimate in estimates}) < len(estimates):
-            estimates, taken = [], set[str]()
-            for estimator, named in earlier.items():
+            estimates, used_names = [], set[str]()
+            for estimator, named in by_estimator.items():
                 for name, estimate in named.items():
-                    distinct = estimate._replace(name=f"{estimator}:{name}") if name in taken else estimate
+                    distinct = estimate._replace(name=f"{estimator}:{name}") if name in used_names else estimate
                     estimates.append(distinct)
-                taken.update(named)
+                used_names.update(named)
         final = tuple(estimates)
         if old_s is None:
             return final
         return provisional_where(final, Basis.PRESSURE, Reason(WheelCode.PRESSURE_OLD, age_s=old_s))
 
-    def _take_in(self, arrays: RevolutionArrays) -> AverageSteps:
+    def _update_average(self, arrays: RevolutionArrays) -> AverageSteps:
         """Update the running average with the revolutions that have no faults; return it after each revolution."""
-        taken = [index for index, revolution in enumerate(arrays.revolutions) if not revolution.faults]
-        self.rejected += len(arrays) - len(taken)
-        before = self._current.average.steps
-        steps = _average(self._current.average, arrays, taken) if taken else None
-        if steps is not None and len(taken) == len(arrays):
+        accepted = [index for index, revolution in enumerate(arrays.revolutions) if not revolution.faults]
+        self.rejected += len(arrays) - len(accepted)
+        previous = self._current.average.steps
+        steps = _average(self._current.average, arrays, accepted) if accepted else None
+        if steps is not None and len(accepted) == len(arrays):
             return steps
-        return _PausedSteps(arrays, taken, steps, before)
+        return _PausedSteps(arrays, accepted, steps, previous)
 
     def conditions(self, tick_us: float, host_ns: float) -> TireConditions:
         """Return the conditions of the tire at a hub time, which is `host_ns` by the host's clock."""
         # The latest reading before that time.
-        taken = next((entry for entry in reversed(self._environment) if entry[0] <= tick_us), None)
+        reading = next((entry for entry in reversed(self._environment) if entry[0] <= tick_us), None)
         outside = self._outside_at(tick_us, host_ns)
         latest = outside[0] if outside else None
-        stated, stated_outside, conditions = self._stated
-        if conditions is None or stated is not taken or stated_outside is not latest:
-            conditions = self._conditions(taken, outside)
-            self._stated = taken, latest, conditions
+        cached_reading, cached_outside, conditions = self._conditions_cache
+        if conditions is None or cached_reading is not reading or cached_outside is not latest:
+            conditions = self._conditions(reading, outside)
+            self._conditions_cache = reading, latest, conditions
         return conditions
 
     def _old_pressure_s(self, tick_us: float, host_ns: float) -> float | None:
@@ -375,21 +375,21 @@ class TireEstimates:
         is_current = is_measured and (tick_us == math.inf or old_pressure_s(self._environment, tick_us) is None)
         return [] if is_current else self.outside.until(host_ns)
 
-    def _conditions(self, taken: Reading | None, outside: Sequence[OutsideReading]) -> TireConditions:
+    def _conditions(self, reading: Reading | None, outside: Sequence[OutsideReading]) -> TireConditions:
         pressure, temperature = self._setup.pressure_pa, self._setup.temperature_degc
         pressure_std, change_pa = self._setup.pressure_std_pa, 0.0
-        readings = [(each.host_ns, each.reading, each.pressure_std_pa) for each in outside]
-        if taken is not None:
-            own = [entry for entry in reversed(self._environment) if entry[0] <= taken[0]]
+        readings = [(entry.host_ns, entry.reading, entry.pressure_std_pa) for entry in outside]
+        if reading is not None:
+            sensor_readings = [entry for entry in reversed(self._environment) if entry[0] <= reading[0]]
             # One from outside comes in the place of an old one.
-            readings = own if not outside or outside[0].reading.pressure_pa is None else readings
-            temperature = _or(taken[1].temperature_degc, temperature)
+            readings = sensor_readings if not outside or outside[0].reading.pressure_pa is None else readings
+            temperature = _first_known(reading[1].temperature_degc, temperature)
         if readings:
             change_pa = change_since_reading_pa(readings)
-            pressure = _or(readings[0][1].pressure_pa, pressure)
+            pressure = _first_known(readings[0][1].pressure_pa, pressure)
             pressure_std = max(pressure_std, readings[0][2])
-        if outside and (taken is None or taken[1].temperature_degc is None):
-            temperature = _or(outside[0].reading.temperature_degc, temperature)
+        if outside and (reading is None or reading[1].temperature_degc is None):
+            temperature = _first_known(outside[0].reading.temperature_degc, temperature)
         if pressure is not None:
             pressure_std = max(pressure_std, self._setup.pressure_relative_std * pressure)
         return TireConditions(

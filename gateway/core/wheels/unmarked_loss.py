@@ -16,7 +16,7 @@ from gateway.core.quantity import LARGEST_ZERO_MPS2
 
 # Revolutions whose median is the reference, and the least number of them.
 _MEMORY: Final = 9
-_LEAST: Final = 3
+_MIN_REVOLUTIONS: Final = 3
 # Least relative deviation, and the deviation in robust standard deviations of those revolutions: on an even road the
 # product scatters by 0.05 %, on a rough one by up to 1 %.
 _LEAST_DEVIATION: Final = 0.008
@@ -26,7 +26,7 @@ _MAD_TO_STD: Final = 1.483
 # Share of the number of samples by which the period may miss what its neighbours let expect: these may change speed.
 _AGREEMENT: Final = 0.5
 # A change of the speed within a revolution, relative, squared and times this, bounds what it adds to the mean square.
-_BY_CHANGE: Final = 0.25
+_CHANGE_FACTOR: Final = 0.25
 # Below, the mean is that of a wheel that hardly rolls, or of a sensor without a steady value.
 _LEAST_MEAN_MPS2: Final = 30.0
 # Root of the product over its reference from which more than one turn was made, and its greatest distance to a whole
@@ -34,9 +34,9 @@ _LEAST_MEAN_MPS2: Final = 30.0
 _SEVERAL_TURNS: Final = 1.5
 # The same between contacts that were not seen, which need not be neighbours nor whole turns apart.
 _UNSEEN_TURNS: Final = 1.25
-_WHOLE_WITHIN: Final = 0.35
+_TURN_TOLERANCE: Final = 0.35
 # Revolutions in a row that deviate alike from which the deviation is the new state, such as another gain.
-_CHANGED: Final = 3
+_NEW_STATE_COUNT: Final = 3
 
 
 class UnmarkedLossCheck:
@@ -50,9 +50,9 @@ class UnmarkedLossCheck:
         """Forget everything, as after a gap or a change of sensor."""
         self._products: deque[float] = deque(maxlen=_MEMORY)
         # Their median, 0 without any.
-        self._middle = 0.0
+        self._median_product = 0.0
         # Their periods, in the same order.
-        self._sound: deque[float] = deque(maxlen=_MEMORY)
+        self._sound_periods: deque[float] = deque(maxlen=_MEMORY)
         # The two latest periods as they should have been, the earlier one first.
         self._periods: tuple[float, ...] = ()
         self._deviating = 0
@@ -60,7 +60,7 @@ class UnmarkedLossCheck:
     @property
     def knows_a_turn(self) -> bool:
         """Whether there are revolutions to compare with."""
-        return len(self._products) >= _LEAST
+        return len(self._products) >= _MIN_REVOLUTIONS
 
     def turns(self, period: float, mean_mps2: float, stated: float = 0.0, *, is_whole: bool = True) -> int:
         """Return the number of turns between the contacts of a revolution; 1 where nothing tells of more.
@@ -74,14 +74,14 @@ class UnmarkedLossCheck:
         """
         if not mean_mps2 > _LEAST_MEAN_MPS2:
             return 1
-        middle = self._middle if self.knows_a_turn else stated
-        if not middle > 0.0:
+        reference = self._median_product if self.knows_a_turn else stated
+        if not reference > 0.0:
             return 1
-        turns = math.sqrt(mean_mps2 * period * period / middle)
+        turns = math.sqrt(mean_mps2 * period * period / reference)
         # The mean of a wheel that slows down falls with the square of its speed, so the product stays.
         if turns < (_SEVERAL_TURNS if is_whole else _UNSEEN_TURNS):
             return 1
-        if is_whole and abs(turns - round(turns)) > _WHOLE_WITHIN:
+        if is_whole and abs(turns - round(turns)) > _TURN_TOLERANCE:
             return 1
         return max(round(turns), 2)
 
@@ -92,41 +92,41 @@ class UnmarkedLossCheck:
             period: of the revolution in samples.
             mean_mps2: mean of its radial axis, positive inward.
         """
-        missing_samples = self._found(period, mean_mps2)
+        missing_samples = self._missing_samples(period, mean_mps2)
         self._deviating = self._deviating + 1 if missing_samples else 0
-        if self._deviating >= _CHANGED:
+        if self._deviating >= _NEW_STATE_COUNT:
             self.reset()
             missing_samples = 0.0
         if not missing_samples:
             self._products.append(mean_mps2 * period * period)
-            self._middle = statistics.median(self._products)
-            self._sound.append(period)
+            self._median_product = statistics.median(self._products)
+            self._sound_periods.append(period)
         self._periods = (*self._periods[-1:], period + missing_samples)
         return missing_samples
 
-    def _found(self, period: float, mean_mps2: float) -> float:
+    def _missing_samples(self, period: float, mean_mps2: float) -> float:
         if not self.knows_a_turn or len(self._periods) < 2 or not mean_mps2 > _LEAST_MEAN_MPS2:
             return 0.0
-        middle = self._middle
-        if not middle > _LEAST_MEAN_MPS2 * period * period:
+        reference = self._median_product
+        if not reference > _LEAST_MEAN_MPS2 * period * period:
             return 0.0
-        deviations = [abs(product - middle) for product in self._products]
+        deviations = [abs(product - reference) for product in self._products]
         # The median of few deviations may be small by chance: the largest of them is not.
         is_full = len(deviations) == _MEMORY
-        scatter = (_MAD_TO_STD * statistics.median(deviations) if is_full else max(deviations)) / middle
-        before, last = self._periods
+        scatter = (_MAD_TO_STD * statistics.median(deviations) if is_full else max(deviations)) / reference
+        previous, last = self._periods
         change = period / last - 1.0
         # A zero-g offset is a larger part of the mean at lower speeds.
-        slower = max(abs(period / self._sound[0] - 1.0), abs(period / self._sound[-1] - 1.0))
-        by_zero = LARGEST_ZERO_MPS2 / mean_mps2 * slower
-        limit = max(_LEAST_DEVIATION, _DEVIATIONS * scatter) + 2.0 * by_zero + _BY_CHANGE * change * change
-        ratio = middle / (mean_mps2 * period * period)
+        speed_change = max(abs(period / self._sound_periods[0] - 1.0), abs(period / self._sound_periods[-1] - 1.0))
+        zero_error = LARGEST_ZERO_MPS2 / mean_mps2 * speed_change
+        limit = max(_LEAST_DEVIATION, _DEVIATIONS * scatter) + 2.0 * zero_error + _CHANGE_FACTOR * change * change
+        ratio = reference / (mean_mps2 * period * period)
         if abs(ratio - 1.0) <= limit:
             return 0.0
         # Outside the contact, the samples that remain keep the mean. Lost in it, where they read zero, they raise it,
         # so that the product falls by half as much.
-        least = period * (math.sqrt(ratio) - 1.0)
-        short = 2.0 * last - before - period
-        if not 1.0 - _AGREEMENT <= short / least <= 2.0 + _AGREEMENT:
+        mean_deficit = period * (math.sqrt(ratio) - 1.0)
+        period_deficit = 2.0 * last - previous - period
+        if not 1.0 - _AGREEMENT <= period_deficit / mean_deficit <= 2.0 + _AGREEMENT:
             return 0.0
-        return least * min(max(short / least, 1.0), 2.0)
+        return mean_deficit * min(max(period_deficit / mean_deficit, 1.0), 2.0)

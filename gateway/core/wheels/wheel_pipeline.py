@@ -58,15 +58,15 @@ _LATE_TOLERANCE_US: Final = 250_000
 # Hellos, every two seconds or so, within which no sensor is exchanged and back.
 _SERIALS: Final = 8
 # Readings of pressure and temperature that may come while revolutions wait; with more, an earlier one could be lost.
-_MOST_WAITING: Final = 60
+_MAX_WAITING_READINGS: Final = 60
 # Turns to either side of a contact within which a gap may hide it: it is known by the belt before and behind it too.
 _HIDDEN_WITHIN_TURNS: Final = 0.25
 # Share of the mean below which the radial axis is in a contact only, where a flat belt reads nothing, and share of half
 # a turn for which it is, of the shortest one.
-_IN_CONTACT: Final = 0.4
+_CONTACT_SHARE: Final = 0.4
 _DIP_SHARE: Final = 0.05
 # Faults of a sensor whose radial axis shows no contacts; they say more than that axis can.
-_NO_CONTACTS_WITH: Final = frozenset((TrustCode.SENSOR_DEAD, TrustCode.SENSOR_STUCK, TrustCode.SENSOR_TILTED))
+_CONTACTLESS_FAULTS: Final = frozenset((TrustCode.SENSOR_DEAD, TrustCode.SENSOR_STUCK, TrustCode.SENSOR_TILTED))
 
 
 @dataclass(slots=True)
@@ -83,28 +83,28 @@ class _Sensor:
     ) -> list[tuple[Doubt, ...]]:
         """Return what is against each revolution's estimates, by the samples of its radial axis."""
         faults = self.health.revolutions(revolutions)
-        doubts_of_each: list[tuple[Doubt, ...]] = []
+        all_doubts: list[tuple[Doubt, ...]] = []
         for revolution, radial, fault in zip(revolutions, counts, faults, strict=True):
             limits = tuple(self.limits.doubts(revolution, radial, radius_m))
-            doubts_of_each.append(limits if fault is None else (Doubt(Basis.SAMPLES, fault), *limits))
-        return doubts_of_each
+            all_doubts.append(limits if fault is None else (Doubt(Basis.SAMPLES, fault), *limits))
+        return all_doubts
 
 
-class _Decided(NamedTuple):
+class _WaitingRevolution(NamedTuple):
     """A revolution that the segmenter has found, not worked on yet; `sign` makes its radial axis positive inward."""
 
     pair: ContactPair
     sign: int
 
 
-class _Checked(NamedTuple):
+class _LossCheck(NamedTuple):
     """Samples that a revolution is short of without a mark, negative for repeated ones, and the turns it made."""
 
     missing: float = 0.0
     turns: int = 1
 
 
-_SOUND: Final = _Checked()
+_NO_LOSS: Final = _LossCheck()
 
 
 class WheelPipeline:
@@ -136,18 +136,18 @@ class WheelPipeline:
         self._segmenter: Segmenter | None = None
         self._clock: SampleClock | None = None
         self._host: HostClock | None = None
-        self._decided: list[_Decided] = []
+        self._waiting: list[_WaitingRevolution] = []
         # Number of samples, and hub time, until which the first of them may wait for the next ones.
-        self._due_at = self._due_us = 0.0
+        self._due_sample = self._due_us = 0.0
         self._results: list[RevolutionResult] = []
         self._environments_waiting = 0
         self._samples = self._lost = self._silent = self._saturated = self._revolutions = 0
         self._silent_s = 0.0
-        self._overwritten_before = self._looked_at = 0
+        self._overwritten_before = self._checked_until = 0
         # Samples that the last revolution was short of without a mark.
-        self._checked_before = _SOUND
+        self._previous_check = _NO_LOSS
         # Centre of the contact that ended the last revolution.
-        self._end = math.nan
+        self._end_sample = math.nan
         self.blocks_before_hello = 0
         # The latest state for views, until something changes it.
         self._snapshot: WheelSnapshot | None = None
@@ -163,9 +163,9 @@ class WheelPipeline:
         if previous is not None and previous.hello == hello:
             return
         self._snapshot = None
-        self._revolve()
+        self._process_waiting()
         reading = SensorReading.from_hello(hello)
-        same_layout = (
+        is_same_layout = (
             previous is not None
             and previous.reading.columns == reading.columns
             and previous.hello.rate_hz == hello.rate_hz
@@ -177,7 +177,7 @@ class WheelPipeline:
         )
         limits = SensorLimits(hello, self.setup.sensor.bandwidth_hz, ac_coupled=reading.ac_coupled)
         self._sensor = _Sensor(hello, reading, health, limits)
-        if not same_layout:
+        if not is_same_layout:
             if previous is not None and previous.hello.sensor_id != hello.sensor_id:
                 self._tire.reset()
             if self._buffer is not None:
@@ -185,7 +185,7 @@ class WheelPipeline:
             self._buffer = SampleBuffer(round(BUFFER_S * hello.rate_hz), len(reading.columns))
             self._segmenter = None
             self._timer.reset()
-            self._end = math.nan
+            self._end_sample = math.nan
             self._filling.reset()
             self._unmarked.reset()
             self._clock = SampleClock(hello.rate_hz)
@@ -196,11 +196,11 @@ class WheelPipeline:
         if reading is None:
             return
         self._snapshot = None
-        if self._decided:
+        if self._waiting:
             self._environments_waiting += 1
             # The revolutions found before this reading must not see it, nor lose an earlier one.
-            if self._environments_waiting > _MOST_WAITING or tick_us < self._end_us():
-                self._revolve()
+            if self._environments_waiting > _MAX_WAITING_READINGS or tick_us < self._end_us():
+                self._process_waiting()
         pressure_error_pa = self._sensor.health.environment(reading) if self._sensor is not None else 0.0
         self._tire.environment(tick_us, reading, pressure_error_pa)
 
@@ -220,7 +220,7 @@ class WheelPipeline:
     def restart(self) -> None:
         """Handle a restart of the hub: its counters and times are new; the estimates of the tire are kept."""
         self._snapshot = None
-        self._revolve()
+        self._process_waiting()
         self._sensor = None
         self._tire.forget_environment()
 
@@ -238,15 +238,15 @@ class WheelPipeline:
 
     def is_due(self, now_us: int | None) -> bool:
         """Return whether revolutions have waited long enough at a hub time."""
-        if not self._decided:
+        if not self._waiting:
             return False
         assert self._buffer is not None
         # By samples too: the hub's time may stand still. By time too: the wheel may send no more samples.
-        return self._buffer.head >= self._due_at or (now_us is not None and now_us >= self._due_us)
+        return self._buffer.head >= self._due_sample or (now_us is not None and now_us >= self._due_us)
 
     def complete(self) -> list[RevolutionResult]:
         """Work on the revolutions that wait, and return those that were completed since the last call."""
-        self._revolve()
+        self._process_waiting()
         return self.completed()
 
     def completed(self) -> list[RevolutionResult]:
@@ -273,11 +273,11 @@ class WheelPipeline:
             self.blocks_before_hello += len(ticks_us)
             return
         if host is not self._host:
-            self._revolve()
+            self._process_waiting()
             self._host = host
         if self._segmenter is None:
             buffer.reset(first_sample)
-            self._looked_at = first_sample
+            self._checked_until = first_sample
             self._start_segmenter(first_sample)
         assert self._segmenter is not None
         first = unwrap(buffer.head, first_sample)
@@ -285,12 +285,12 @@ class WheelPipeline:
         if step < 0:
             expected_us = clock.hub_us(first)
             if first >= buffer.tail and abs(ticks_us[0] - expected_us) < _LATE_TOLERANCE_US:
-                self._revolve()
+                self._process_waiting()
                 repaired = buffer.patch(first, counts)
                 self._lost -= repaired
                 self._samples += repaired
                 return
-            self._begin_at(first_sample)
+            self._restart_at(first_sample)
             self.add(first_sample, ticks_us, axes, counts, host)
             return
         if step > _MAX_GAP_S * sensor.hello.rate_hz:
@@ -301,7 +301,7 @@ class WheelPipeline:
                     self._silent += step
                     self._silent_s += gap_s
             self._finish_segment()
-            self._begin_at(first)
+            self._restart_at(first)
             self.add(first_sample, ticks_us, axes, counts, host)
             return
         if step > 0:
@@ -311,14 +311,14 @@ class WheelPipeline:
         clock.stamp_blocks(first, len(counts) // len(ticks_us), ticks_us)
         self._samples += len(counts)
         # At most as many samples at once as the buffer can take without overwriting samples that the segmenter needs.
-        piece = buffer.capacity - round(LOOK_BACK_S * sensor.hello.rate_hz) - 1
-        for begin in range(0, len(counts), piece):
-            fresh = counts[begin : begin + piece]
-            self._make_room(len(fresh))
-            buffer.append(fresh, self._segmenter.oldest_needed)
+        chunk_size = buffer.capacity - round(LOOK_BACK_S * sensor.hello.rate_hz) - 1
+        for begin in range(0, len(counts), chunk_size):
+            chunk = counts[begin : begin + chunk_size]
+            self._make_room(len(chunk))
+            buffer.append(chunk, self._segmenter.oldest_needed)
             if self._segmenter.next_index <= buffer.head:
                 self._count_saturated()
-                self._take(self._segmenter.advance(self._read_radial, buffer.missing_between, buffer.head))
+                self._queue(self._segmenter.advance(self._read_radial, buffer.missing_between, buffer.head))
             self._missing.samples(buffer.head, self._radial_samples(buffer))
 
     def finish(self, host: HostClock) -> list[RevolutionResult]:
@@ -332,37 +332,37 @@ class WheelPipeline:
         self._missing.finish(self._buffer.head, self._radial_samples(self._buffer))
         return self.complete()
 
-    def _take(self, pairs: Sequence[ContactPair]) -> None:
+    def _queue(self, pairs: Sequence[ContactPair]) -> None:
         """Keep revolutions that the segmenter has found."""
         assert self._segmenter is not None
-        if pairs and not self._decided:
-            self._begin_to_wait()
+        if pairs and not self._waiting:
+            self._set_due_time()
         for pair in pairs:
-            self._decided.append(_Decided(pair, self._segmenter.sign))
+            self._waiting.append(_WaitingRevolution(pair, self._segmenter.sign))
             self._missing.came(pair.end.centre)
 
-    def _begin_to_wait(self) -> None:
+    def _set_due_time(self) -> None:
         """Set the time until which the first waiting revolution may wait for the next ones."""
         assert self._buffer is not None
         assert self._clock is not None
         head, hold_s = self._buffer.head, self._hold_s
-        self._due_at = head + hold_s * self._clock.nominal_rate_hz
+        self._due_sample = head + hold_s * self._clock.nominal_rate_hz
         # All wheels of a hub at the same times: the work on one finds the code of that on another in the cache.
         now_us, step_us = self._clock.hub_us(head), hold_s * 1e6
         self._due_us = (now_us // step_us + 1.0) * step_us if step_us else now_us
 
     def _make_room(self, count: int) -> None:
         """Work on the waiting revolutions if so many more samples would overwrite theirs."""
-        if self._decided:
+        if self._waiting:
             assert self._buffer is not None
             overwritten = self._buffer.head + count - self._buffer.capacity + 4 * MARGIN_SAMPLES
-            if overwritten > int(self._decided[0].pair.start.centre):
-                self._revolve(overwritten)
+            if overwritten > int(self._waiting[0].pair.start.centre):
+                self._process_waiting(overwritten)
 
     def _end_us(self) -> float:
         """Return a hub time at which the last waiting revolution had ended, however its contact will be timed."""
         assert self._clock is not None
-        end = self._decided[-1].pair.end
+        end = self._waiting[-1].pair.end
         return self._clock.hub_us(end.centre + 0.5 * end.duration)
 
     def _count_saturated(self) -> None:
@@ -370,23 +370,23 @@ class WheelPipeline:
         buffer, sensor = self._buffer, self._sensor
         assert buffer is not None
         assert sensor is not None
-        fresh = buffer.view(max(self._looked_at, buffer.tail), buffer.head)
-        self._looked_at = buffer.head
-        least, greatest = sensor.health.samples(fresh)
+        samples = buffer.view(max(self._checked_until, buffer.tail), buffer.head)
+        self._checked_until = buffer.head
+        lowest, highest = sensor.health.samples(samples)
         limit = sensor.reading.saturation_counts
-        if greatest >= limit or least <= -limit:
-            self._saturated += int(((fresh >= limit) | (fresh <= -limit)).any(axis=1).sum())
+        if highest >= limit or lowest <= -limit:
+            self._saturated += int(((samples >= limit) | (samples <= -limit)).any(axis=1).sum())
 
-    def _begin_at(self, head: int) -> None:
+    def _restart_at(self, head: int) -> None:
         assert self._buffer is not None
         assert self._sensor is not None
-        self._revolve()
+        self._process_waiting()
         self._count_saturated()
-        self._looked_at = head
+        self._checked_until = head
         self._buffer.reset(head)
         self._start_segmenter(head)
         self._timer.reset()
-        self._end = math.nan
+        self._end_sample = math.nan
         self._unmarked.reset()
         self._clock = SampleClock(self._sensor.hello.rate_hz)
 
@@ -401,7 +401,7 @@ class WheelPipeline:
         assert buffer is not None
         assert segmenter is not None
         self._count_saturated()
-        self._take(segmenter.finish(self._read_radial, buffer.missing_between, buffer.head))
+        self._queue(segmenter.finish(self._read_radial, buffer.missing_between, buffer.head))
 
     def _read_radial(self, first: int, end: int) -> FloatArray:
         sensor, buffer = self._sensor, self._buffer
@@ -421,14 +421,14 @@ class WheelPipeline:
         limit = sensor.reading.saturation_counts
         return float(((radial >= limit) | (radial <= -limit)).mean()) if len(radial) else 0.0
 
-    def _revolve(self, overwritten: int | None = None) -> None:
+    def _process_waiting(self, overwritten: int | None = None) -> None:
         """Work on the waiting revolutions, in blocks that end where the timing's template is renewed.
 
         Args:
             overwritten: sample from which on the buffer keeps them: revolutions behind it wait on where they do not
                 fill a block; None for all.
         """
-        waiting, self._decided = self._decided, []
+        waiting, self._waiting = self._waiting, []
         if waiting:
             self._snapshot = None
         done = 0
@@ -441,18 +441,18 @@ class WheelPipeline:
                 self._timer.renew(average, pair.end.centre - pair.start.centre)
             fills_no_block = len(waiting) - done < self._timer.until_renewal
             if overwritten is not None and fills_no_block and overwritten <= int(pair.start.centre):
-                self._decided = waiting[done:]
-                self._begin_to_wait()
+                self._waiting = waiting[done:]
+                self._set_due_time()
                 return
             end = done + 1
-            most = min(done + self._timer.until_renewal, len(waiting))
-            while end < most and waiting[end].sign == sign:
+            end_limit = min(done + self._timer.until_renewal, len(waiting))
+            while end < end_limit and waiting[end].sign == sign:
                 end += 1
-            self._revolve_block([decided.pair for decided in waiting[done:end]], sign)
+            self._process_block([revolution.pair for revolution in waiting[done:end]], sign)
             done = end
         self._environments_waiting = 0
 
-    def _revolve_block(self, pairs: Sequence[ContactPair], sign: int) -> None:
+    def _process_block(self, pairs: Sequence[ContactPair], sign: int) -> None:
         sensor, buffer, clock, host = self._sensor, self._buffer, self._clock, self._host
         assert sensor is not None
         assert buffer is not None
@@ -469,12 +469,12 @@ class WheelPipeline:
         revolutions: list[TimedRevolution] = []
         ends_us: list[float] = []
         hosts_ns: list[int] = []
-        checked = self._checked(pairs, all_timed, sign)
-        before = self._checked_before
-        for pair, timed, rate_hz, check in zip(pairs, all_timed, rates_hz, checked, strict=True):
-            if before != _SOUND and timed.previous_period is not None:
-                timed = timed._replace(previous_period=(timed.previous_period + before.missing) / before.turns)
-            before = check
+        checks = self._loss_checks(pairs, all_timed, sign)
+        previous = self._previous_check
+        for pair, timed, rate_hz, check in zip(pairs, all_timed, rates_hz, checks, strict=True):
+            if previous != _NO_LOSS and timed.previous_period is not None:
+                timed = timed._replace(previous_period=(timed.previous_period + previous.missing) / previous.turns)
+            previous = check
             end_us = clock.hub_us(timed.end.centre)
             hosts_ns.append(host.host_ns(end_us))
             omega_radps = 2.0 * math.pi * check.turns * rate_hz / (timed.end.centre - timed.start.centre)
@@ -488,25 +488,25 @@ class WheelPipeline:
             revolutions.append(
                 TimedRevolution(
                     pair, timed, self._revolutions, start_s, rate_hz, clock.rate_std(pair.end.centre),
-                    timed.start.centre == self._end, sign, contribution, uncorrected, *check,
+                    timed.start.centre == self._end_sample, sign, contribution, uncorrected, *check,
                 )
             )  # fmt: skip
-            self._end = timed.end.centre
+            self._end_sample = timed.end.centre
             ends_us.append(end_us)
             self._revolutions += 1
-        self._checked_before = before
+        self._previous_check = previous
         in_angle = revolutions_in_angle(revolutions, buffer, reading, self.setup.radius_m, self._filling)
         counts = (
             buffer.view(math.ceil(timed.start.centre), math.ceil(timed.end.centre))[:, reading.radial_column]
             for timed in all_timed
         )
         doubts = sensor.doubts(in_angle.revolutions, counts, self.setup.radius_m)
-        if (other := self._other_sensor) is not None:
-            doubts = [(Doubt(None, other), *doubts_of_one) for doubts_of_one in doubts]
+        if (conflict := self._sensor_conflict) is not None:
+            doubts = [(Doubt(None, conflict), *revolution_doubts) for revolution_doubts in doubts]
         self._results += self._tire.take_block(in_angle, ends_us, hosts_ns, doubts)
 
     @property
-    def _other_sensor(self) -> Reason | None:
+    def _sensor_conflict(self) -> Reason | None:
         """Why the samples are of several sensors: a serial number that comes back after another; None else."""
         serials = list(self._serials)
         changes = sum(before != after for before, after in pairwise(serials))
@@ -515,18 +515,18 @@ class WheelPipeline:
         first, second = sorted(set(serials))[:2]
         return Reason(WheelCode.SENSORS_SHARE_NUMBER, first=f"{first:08x}", second=f"{second:08x}")
 
-    def _checked(self, pairs: Sequence[ContactPair], timed: Sequence[TimedPair], sign: int) -> list[_Checked]:
+    def _loss_checks(self, pairs: Sequence[ContactPair], timed: Sequence[TimedPair], sign: int) -> list[_LossCheck]:
         """Return what mean and period of each revolution say of its samples and contacts."""
         sensor, buffer = self._sensor, self._buffer
         assert sensor is not None
         assert buffer is not None
         reading = sensor.reading
         if reading.ac_coupled or DoubtRule.TURNS not in self.setup.rules:
-            return [_SOUND] * len(pairs)
+            return [_NO_LOSS] * len(pairs)
         column = reading.radial_column
         offset, scale = float(reading.offset_counts[column]), sign * float(reading.scale_mps2[column])
-        checked: list[_Checked] = []
-        stated = self.setup.radius_m * (2.0 * math.pi * sensor.hello.rate_hz) ** 2
+        checks: list[_LossCheck] = []
+        stated_mps2 = self.setup.radius_m * (2.0 * math.pi * sensor.hello.rate_hz) ** 2
         for pair, timed_pair in zip(pairs, timed, strict=True):
             start, end = timed_pair.start.centre, timed_pair.end.centre
             first, last = math.ceil(start), math.ceil(end)
@@ -537,28 +537,28 @@ class WheelPipeline:
             if not is_lossy and not is_measured and not (is_predicted and self._unmarked.knows_a_turn):
                 # The period is not measured, as where the loss is in the contact before this revolution begins. What is
                 # stated may be wrong.
-                checked.append(_SOUND)
+                checks.append(_NO_LOSS)
                 continue
             if is_lossy or is_predicted:
                 # Without a contact the mean is too large by the share of that, a tenth; over two turns, four times.
                 mean_mps2 = scale * (buffer.measured_mean(first, last, column) - offset)
-                turns = self._unmarked.turns(end - start, abs(mean_mps2), stated, is_whole=not is_predicted)
+                turns = self._unmarked.turns(end - start, abs(mean_mps2), stated_mps2, is_whole=not is_predicted)
                 # A mean that points outward is that of a wheel whose gaps were taken for contacts.
-                level = offset + _IN_CONTACT * mean_mps2 / scale
+                level = offset + _CONTACT_SHARE * mean_mps2 / scale
                 dips = partial(_dips, column=column, level=level, scale=scale)
                 # The wheel's own revolutions tell of several turns wherever the gaps are. Between contacts that were
                 # not seen there may be any number.
                 is_hidden = is_predicted or mean_mps2 < 0.0 or self._unmarked.knows_a_turn
                 is_hidden = is_hidden or _may_hide_contacts(buffer, start, end, turns, dips)
-                checked.append(_Checked(0.0, turns) if is_hidden else _SOUND)
+                checks.append(_LossCheck(0.0, turns) if is_hidden else _NO_LOSS)
                 continue
             total = int(np.add.reduce(buffer.view(first, last)[:, column], dtype=np.int64))
             mean_mps2 = scale * (total / (last - first) - offset)
             if (turns := self._unmarked.turns(end - start, mean_mps2)) > 1:
-                checked.append(_Checked(0.0, turns))
+                checks.append(_LossCheck(0.0, turns))
             else:
-                checked.append(_Checked(self._unmarked.missing(end - start, mean_mps2)))
-        return checked
+                checks.append(_LossCheck(self._unmarked.missing(end - start, mean_mps2)))
+        return checks
 
     @property
     def average_mps2(self) -> FloatArray | None:
@@ -568,28 +568,28 @@ class WheelPipeline:
     def _missing_reason(self, flags: tuple[SensorFlag, ...]) -> Reason | None:
         """Return why not a single revolution has come, None when one has, or it is too early to say."""
         sensor = self._sensor
-        why = self._missing.reasons
+        reasons = self._missing.reasons
         if self._revolutions:
             return None
-        if not why and self.blocks_before_hello:
+        if not reasons and self.blocks_before_hello:
             if sensor is not None and not sensor.reading.has_radial:
-                why = (Reason(TrustCode.AXIS_MISSING, axis=AXIS_NAMES[Axis.RADIAL]),)
+                reasons = (Reason(TrustCode.AXIS_MISSING, axis=AXIS_NAMES[Axis.RADIAL]),)
             else:
-                why = (Reason(CoreCode.SAMPLES_WITHOUT_HELLO, count=self.blocks_before_hello),)
-        elif not why and sensor is not None and self._segmenter is None:
-            why = (Reason(WheelCode.NO_SAMPLES),)
-        if not why:
+                reasons = (Reason(CoreCode.SAMPLES_WITHOUT_HELLO, count=self.blocks_before_hello),)
+        elif not reasons and sensor is not None and self._segmenter is None:
+            reasons = (Reason(WheelCode.NO_SAMPLES),)
+        if not reasons:
             return None
-        faults = tuple(flag.reason for flag in flags if flag.reason.code in _NO_CONTACTS_WITH)
-        if faults and why[0].code is not ContactCode.RADIAL_AT_RANGE_END:
-            why = faults
-        return Reason(CoreCode.NO_REVOLUTION, duration_s=self._missing.duration_s, why=why)
+        faults = tuple(flag.reason for flag in flags if flag.reason.code in _CONTACTLESS_FAULTS)
+        if faults and reasons[0].code is not ContactCode.RADIAL_AT_RANGE_END:
+            reasons = faults
+        return Reason(CoreCode.NO_REVOLUTION, duration_s=self._missing.duration_s, why=reasons)
 
     def _flags(self) -> tuple[SensorFlag, ...]:
         """Return the present faults, one that keeps revolutions from coming last."""
         health = self._sensor.health.flags() if self._sensor is not None else ()
         flags = (*health, *self._tire.flags())
-        if not self._missing.is_fault or any(flag.reason.code in _NO_CONTACTS_WITH for flag in flags):
+        if not self._missing.is_fault or any(flag.reason.code in _CONTACTLESS_FAULTS for flag in flags):
             return flags
         reason = Reason(CoreCode.NO_REVOLUTION, duration_s=self._missing.waited_s, why=self._missing.present)
         return (*flags, SensorFlag("no revolution", reason))
@@ -597,10 +597,10 @@ class WheelPipeline:
     def snapshot(self) -> WheelSnapshot:
         """Return the latest state for views."""
         if self._snapshot is None:
-            self._snapshot = self._present()
+            self._snapshot = self._make_snapshot()
         return self._snapshot
 
-    def _present(self) -> WheelSnapshot:
+    def _make_snapshot(self) -> WheelSnapshot:
         conditions, last = self._tire.conditions(math.inf, math.inf), self._tire.last
         old = self.outside_silence(last.host_ns) if last is not None else None
         load = self._tire.latest("load_n") if conditions.load_n is None else None
@@ -643,12 +643,10 @@ def _may_hide_contacts(
 
     There, samples were lost, or they dip as in a contact, which was passed over for its distance to the one before.
     """
-    turn = (end - start) / turns
-    reach = _HIDDEN_WITHIN_TURNS * turn
-    places = (
-        (math.floor(start + span * turn - reach), math.ceil(start + span * turn + reach)) for span in range(1, turns)
-    )
-    return all(buffer.missing_between(*span) or dips(buffer.view(*span)) for span in places)
+    period = (end - start) / turns
+    reach = _HIDDEN_WITHIN_TURNS * period
+    windows = ((math.floor(start + n * period - reach), math.ceil(start + n * period + reach)) for n in range(1, turns))
+    return all(buffer.missing_between(*window) or dips(buffer.view(*window)) for window in windows)
 
 
 def _dips(samples: NDArray[np.int16], column: int, level: float, scale: float) -> bool:

@@ -53,9 +53,9 @@ class Pipeline:
         self._order = [WheelPipeline(setup, self._estimators, hold_s) for setup in setups]
         self._configured = {wheel.setup.position: wheel for wheel in self._order}
         self._positions = {(setup.hub, setup.wheel): setup.position for setup in setups}
-        self._router: FrameRouter[WheelPipeline] = FrameRouter(self._positions, self._made)
+        self._router: FrameRouter[WheelPipeline] = FrameRouter(self._positions, self._make_wheel)
         # Wheels that have sent a frame, with the clocks of their hubs.
-        self._heard: list[tuple[Hub, WheelPipeline]] = []
+        self._active_wheels: list[tuple[Hub, WheelPipeline]] = []
         self.limit = self._router.limit
 
     def attach(self, watcher: StreamWatcher) -> None:
@@ -79,7 +79,7 @@ class Pipeline:
         self._router.take(link, block, hosts_ns)
         return [
             result
-            for hub, wheel in self._heard
+            for hub, wheel in self._active_wheels
             for result in (wheel.complete() if wheel.is_due(hub.last_us) else wheel.completed())
         ]
 
@@ -100,17 +100,17 @@ class Pipeline:
 
     def complete(self, link: str) -> list[RevolutionResult]:
         """Return the revolutions of a link that wait for the next ones, as when it falls silent."""
-        of_link = (wheel for key, wheel in self._router.wheels.items() if key[0] == link)
-        return [result for wheel in of_link if wheel is not None for result in wheel.complete()]
+        link_wheels = (wheel for key, wheel in self._router.wheels.items() if key[0] == link)
+        return [result for wheel in link_wheels if wheel is not None for result in wheel.complete()]
 
-    def _made(self, position: str, hub: int, number: int, clock: Hub) -> WheelPipeline:
+    def _make_wheel(self, position: str, hub: int, number: int, clock: Hub) -> WheelPipeline:
         """Return the wheel of a position; one that is not configured is new."""
         wheel = self._configured.get(position)
         if wheel is None:
             setup = replace(self._unknown, position=position, hub=hub, wheel=number)
             wheel = WheelPipeline(setup, self._estimators, self._hold_s)
             self._order.append(wheel)
-        self._heard.append((clock, wheel))
+        self._active_wheels.append((clock, wheel))
         return wheel
 
     def outside(self, position: str, reading: OutsideReading) -> None:
@@ -126,7 +126,7 @@ class Pipeline:
     def finish(self) -> list[RevolutionResult]:
         """Complete the revolutions that can be completed, when no more frames will come."""
         results: list[RevolutionResult] = []
-        for hub, wheel in self._heard:
+        for hub, wheel in self._active_wheels:
             results += wheel.finish(hub.host)
         return results
 
