@@ -73,10 +73,10 @@ def read_campaign(
     by_index: dict[int, RecordingRead] = {}
     work = (workers or Workers()).work_on(read_recording, orders, on_bytes or (lambda _: None), sizes=_sizes(orders))
     with closing(work) as done:
-        for index, read in done:
-            by_index[index] = _checked_for_one_wheel(orders[index], read)
-    reads = [by_index[index] for index in range(len(orders))]
-    campaign = _assemble(orders, reads, _chosen_wheel(orders, reads, orders[0].wheel))
+        for index, file in done:
+            by_index[index] = _checked_for_one_wheel(orders[index], file)
+    files = [by_index[index] for index in range(len(orders))]
+    campaign = _assemble(orders, files, _chosen_wheel(orders, files, orders[0].wheel))
     for number, first in repeated_recordings(campaign.groups).items():
         raise RecordingError(
             f"'{orders[number].path}' holds the same revolutions as '{orders[first].path}'", "Give each recording once."
@@ -132,23 +132,23 @@ def read_usable(
     """
     orders = reading_orders(paths, vehicle=vehicle, wheel=wheel, key_file=key_file)
     refused: dict[int, Reason] = {}
-    reads = [RecordingRead(())] * len(orders)
+    files = [RecordingRead(())] * len(orders)
     work = Workers().work_on(_read_or_refuse, orders, lambda _: None)
     with closing(work) as done:
-        for index, read in done:
-            why = read if isinstance(read, Reason) else _why_unusable(read, wheel)
-            if why is not None:
-                refused[index] = why
-            if isinstance(read, RecordingRead):
-                reads[index] = read
+        for index, outcome in done:
+            reason = outcome if isinstance(outcome, Reason) else _why_unusable(outcome, wheel)
+            if reason is not None:
+                refused[index] = reason
+            if isinstance(outcome, RecordingRead):
+                files[index] = outcome
     if len(refused) == len(orders):
         lines = (f"'{order.path}': {text(refused[order.index])}" for order in orders)
         raise RecordingError(f"no recording of wheel {wheel} can be used:\n" + "\n".join(lines))
-    every = WheelRecordings(wheel, tuple(orders), tuple(reads))
-    groups = [group for number, read in enumerate(reads) if number not in refused for group in read.groups]
+    usable = WheelRecordings(wheel, tuple(orders), tuple(files))
+    groups = [group for number, file in enumerate(files) if number not in refused for group in file.groups]
     for number, first in repeated_recordings(groups).items():
         refused[number] = Reason(DiagnosisCode.RECORDING_REPEATS, other=str(orders[first].path))
-    return every.chosen(range(len(orders)) - refused.keys()), refused
+    return usable.chosen(range(len(orders)) - refused.keys()), refused
 
 
 def _read_or_refuse(order: ReadOrder, on_position: Callable[[int], None]) -> RecordingRead | Reason:
@@ -161,20 +161,20 @@ def _read_or_refuse(order: ReadOrder, on_position: Callable[[int], None]) -> Rec
         return Reason(DiagnosisCode.RECORDING_NOT_READ, message=error.strerror or str(error))
 
 
-def _why_unusable(read: RecordingRead, wheel: str) -> Reason | None:
-    if wheel not in read.wheels:
+def _why_unusable(file: RecordingRead, wheel: str) -> Reason | None:
+    if wheel not in file.wheels:
         return Reason(DiagnosisCode.RECORDING_WITHOUT_WHEEL, wheel=wheel)
-    if read.groups:
+    if file.groups:
         return None
-    rejected = read.rejected or {}
+    rejected = file.rejected or {}
     if not rejected:
         return Reason(DiagnosisCode.RECORDING_WITHOUT_DATA)
-    most = max(rejected, key=lambda reason: rejected[reason])
-    return Reason(DiagnosisCode.REVOLUTIONS_LEFT_OUT, revolutions=rejected[most], reason=most)
+    main_reason = max(rejected, key=lambda reason: rejected[reason])
+    return Reason(DiagnosisCode.REVOLUTIONS_LEFT_OUT, revolutions=rejected[main_reason], reason=main_reason)
 
 
-def _renumbered(read: RecordingRead, number: int) -> RecordingRead:
-    return replace(read, groups=tuple(replace(group, recording=number) for group in read.groups))
+def _renumbered(file: RecordingRead, number: int) -> RecordingRead:
+    return replace(file, groups=tuple(replace(group, recording=number) for group in file.groups))
 
 
 def reading_orders(
@@ -228,24 +228,24 @@ def _sizes(orders: Sequence[ReadOrder]) -> list[int]:
     return [order.path.stat().st_size if order.path.is_file() else 0 for order in orders]
 
 
-def _checked_for_one_wheel(order: ReadOrder, read: RecordingRead) -> RecordingRead:
+def _checked_for_one_wheel(order: ReadOrder, file: RecordingRead) -> RecordingRead:
     """Raise as soon as a wheel must be chosen, before other recordings are read."""
-    if order.wheel is None and len(read.wheels) > 1:
+    if order.wheel is None and len(file.wheels) > 1:
         raise RecordingError(
-            f"'{order.path}' contains several wheels: {', '.join(read.wheels)}",
-            f"Choose one: --wheel {read.wheels[0]}.",
+            f"'{order.path}' contains several wheels: {', '.join(file.wheels)}",
+            f"Choose one: --wheel {file.wheels[0]}.",
         )
-    return read
+    return file
 
 
-def _assemble(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead], wheel: str) -> Campaign:
-    rejected = _rejected(reads)
-    groups = _usable_groups(reads, wheel, rejected)
-    begin_s, order_remarks = _begins(orders, reads)
+def _assemble(orders: Sequence[ReadOrder], files: Sequence[RecordingRead], wheel: str) -> Campaign:
+    rejected = _rejected(files)
+    groups = _usable_groups(files, wheel, rejected)
+    begin_s, order_remarks = _time_origins(orders, files)
     degc = _reference_degc(groups)
     states = _states(groups).tolist()
     groups = _of_one_depth(groups)
-    sensors = {read.sensor_id for read in reads if read.groups}
+    sensors = {file.sensor_id for file in files if file.groups}
     return Campaign(
         wheel=wheel,
         recordings=tuple(str(order.path) for order in orders),
@@ -255,20 +255,20 @@ def _assemble(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead], wheel
         ),
         states=max(states) + 1,
         rejected=rejected,
-        clock_error=combined([read.clock_error for read in reads]),
-        assumed=_merged(orders, [read.assumed for read in reads]),
-        stated=_merged(orders, [read.stated for read in reads]),
+        clock_error=combined([file.clock_error for file in files]),
+        assumed=_merged(orders, [file.assumed for file in files]),
+        stated=_merged(orders, [file.stated for file in files]),
         notes=(
-            *_recording_remarks(orders, reads),
+            *_recording_remarks(orders, files),
             *_left_out_remarks(rejected),
             *_sensor_remarks(sensors),
             *order_remarks,
         ),
         sensor_id=next(iter(sensors)) if len(sensors) == 1 else None,
-        vehicle=_common(read.vehicle for read in reads if read.groups),
-        tire=_common(read.tire for read in reads if read.groups),
-        units=next((read.units for read in reads if read.groups), ShownUnits.SI),
-        times_s=tuple((read.first_s, read.last_s) for read in reads),
+        vehicle=_common(file.vehicle for file in files if file.groups),
+        tire=_common(file.tire for file in files if file.groups),
+        units=next((file.units for file in files if file.groups), ShownUnits.SI),
+        times_s=tuple((file.first_s, file.last_s) for file in files),
     )
 
 
@@ -278,36 +278,36 @@ def _common(names: Iterable[str]) -> str:
     return distinct.pop() if len(distinct) == 1 else ""
 
 
-def _rejected(reads: Sequence[RecordingRead]) -> dict[Reason, int]:
+def _rejected(files: Sequence[RecordingRead]) -> dict[Reason, int]:
     """Return reason -> revolutions left out, over all recordings."""
     rejected: dict[Reason, int] = {}
-    for read in reads:
-        for reason, count in (read.rejected or {}).items():
+    for file in files:
+        for reason, count in (file.rejected or {}).items():
             rejected[reason] = rejected.get(reason, 0) + count
     return rejected
 
 
-def _usable_groups(reads: Sequence[RecordingRead], wheel: str, rejected: dict[Reason, int]) -> list[Group]:
+def _usable_groups(files: Sequence[RecordingRead], wheel: str, rejected: dict[Reason, int]) -> list[Group]:
     """Return the groups to use; revolutions of the others are added to `rejected`.
 
     Raises:
         RecordingError: there is no group.
     """
-    groups = [group for read in reads for group in read.groups]
+    groups = [group for file in files for group in file.groups]
     if not groups:
         raise RecordingError(
             f"none of {sum(rejected.values())} revolutions of wheel {wheel} can be used: "
             + "; ".join(f"{count} x {text(reason)}" for reason, count in rejected.items()),
             "At least two revolutions at the same speed are needed; a minute of steady rolling is better.",
         )
-    large = [group for group in groups if _count(group) >= MIN_REVOLUTIONS]
-    if large and len(large) < len(groups):
-        small = [group for group in groups if _count(group) < MIN_REVOLUTIONS]
-        rejected[TOO_FEW_REVOLUTIONS] = rejected.get(TOO_FEW_REVOLUTIONS, 0) + sum(map(_count, small))
-        groups = large
-    groups, spare = _most_informative(groups)
-    if spare:
-        rejected[SPARE] = spare
+    large_groups = [group for group in groups if _count(group) >= MIN_REVOLUTIONS]
+    if large_groups and len(large_groups) < len(groups):
+        small_groups = [group for group in groups if _count(group) < MIN_REVOLUTIONS]
+        rejected[TOO_FEW_REVOLUTIONS] = rejected.get(TOO_FEW_REVOLUTIONS, 0) + sum(map(_count, small_groups))
+        groups = large_groups
+    groups, unused_count = _most_informative(groups)
+    if unused_count:
+        rejected[SPARE] = unused_count
     return groups
 
 
@@ -321,19 +321,19 @@ def _reference_degc(groups: Sequence[Group]) -> float:
     return sum(value * count for value, count in weighted_degc) / sum(count for _, count in weighted_degc)
 
 
-def _recording_remarks(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead]) -> Iterator[Reason]:
+def _recording_remarks(orders: Sequence[ReadOrder], files: Sequence[RecordingRead]) -> Iterator[Reason]:
     """Yield the remarks on single recordings."""
-    for read in reads:
-        if read.damage:
-            yield Reason(DiagnosisCode.RECORDING_DAMAGED, damage=read.damage)
-    for order, read in zip(orders, reads, strict=True):
-        for notice in read.notices:
+    for file in files:
+        if file.damage:
+            yield Reason(DiagnosisCode.RECORDING_DAMAGED, damage=file.damage)
+    for order, file in zip(orders, files, strict=True):
+        for notice in file.notices:
             subject = f"{order.name}, {notice.subject}" if notice.subject else order.name
             yield Reason(DiagnosisCode.ABOUT_RECORDING, recording=subject, reason=notice.reason)
-        for remark in read.remarks:
+        for remark in file.remarks:
             yield Reason(DiagnosisCode.ABOUT_RECORDING, recording=order.name, reason=remark)
-    for order, read in zip(orders, reads, strict=True):
-        if not read.groups and len(orders) > 1:
+    for order, file in zip(orders, files, strict=True):
+        if not file.groups and len(orders) > 1:
             yield Reason(
                 DiagnosisCode.ABOUT_RECORDING, recording=order.name, reason=Reason(DiagnosisCode.RECORDING_WITHOUT_DATA)
             )
@@ -347,10 +347,10 @@ def _left_out_remarks(rejected: Mapping[Reason, int]) -> Iterator[Reason]:
 
 def _sensor_remarks(sensors: Collection[int | None]) -> Iterator[Reason]:
     if len(sensors) > 1:
-        several = any(sensor is None for sensor in sensors)
+        has_several = any(sensor is None for sensor in sensors)
         names = sorted(f"{sensor:08x}" for sensor in sensors if sensor is not None)
-        more = (Reason(DiagnosisCode.SEVERAL_SENSORS),) if several else ()
-        yield Reason(DiagnosisCode.DIFFERENT_SENSORS, sensors=(*names, *more))
+        remarks = (Reason(DiagnosisCode.SEVERAL_SENSORS),) if has_several else ()
+        yield Reason(DiagnosisCode.DIFFERENT_SENSORS, sensors=(*names, *remarks))
 
 
 def _states(groups: Sequence[Group]) -> IntArray:
@@ -380,20 +380,20 @@ def _count(group: Group) -> int:
     return sum(block.count for block in group.blocks)
 
 
-def _begins(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead]) -> tuple[list[float], list[Reason]]:
+def _time_origins(orders: Sequence[ReadOrder], files: Sequence[RecordingRead]) -> tuple[list[float], list[Reason]]:
     """Return the time to subtract from each recording's times, so that they count from the first revolution of all.
 
     Recordings without times of the host, or whose times overlap, are placed one after another in the order given.
     """
-    used = [(read.first_s, read.last_s) for read in sorted(reads, key=lambda read: read.first_s) if read.groups]
-    apart = all(later[0] >= earlier[1] for earlier, later in pairwise(used))
-    if apart and (len(used) == 1 or all(read.host_times for read in reads)):
-        return [used[0][0]] * len(orders), []
-    begins, elapsed_s = [], 0.0
-    for read in reads:
-        begins.append(read.first_s - elapsed_s)
-        elapsed_s += read.last_s - read.first_s
-    return begins, [Reason(DiagnosisCode.RECORDING_ORDER_UNKNOWN)]
+    spans_s = [(file.first_s, file.last_s) for file in sorted(files, key=lambda file: file.first_s) if file.groups]
+    is_sequential = all(later[0] >= earlier[1] for earlier, later in pairwise(spans_s))
+    if is_sequential and (len(spans_s) == 1 or all(file.host_times for file in files)):
+        return [spans_s[0][0]] * len(orders), []
+    origins_s, elapsed_s = [], 0.0
+    for file in files:
+        origins_s.append(file.first_s - elapsed_s)
+        elapsed_s += file.last_s - file.first_s
+    return origins_s, [Reason(DiagnosisCode.RECORDING_ORDER_UNKNOWN)]
 
 
 def _of_one_depth(groups: Sequence[Group]) -> list[Group]:
@@ -434,44 +434,44 @@ def _merged(orders: Sequence[ReadOrder], remarks: Sequence[tuple[_Remark, ...]])
     )
 
 
-def _chosen_wheel(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead], wheel: str | None) -> str:
+def _chosen_wheel(orders: Sequence[ReadOrder], files: Sequence[RecordingRead], wheel: str | None) -> str:
     """Return the position of the wheel: the chosen one, or the only one.
 
     Raises:
         RecordingError: there is no revolution, none of the chosen wheel, or there are several wheels to choose from.
     """
-    seen = list(dict.fromkeys(name for read in reads for name in read.wheels))
-    if not seen:
-        raise _no_revolution(orders, reads)
+    wheels = list(dict.fromkeys(name for file in files for name in file.wheels))
+    if not wheels:
+        raise _no_revolution(orders, files)
     if wheel is None:
-        if len(seen) > 1:
+        if len(wheels) > 1:
             raise RecordingError(
-                f"the recordings are of several wheels: {', '.join(seen)}", f"Choose one: --wheel {seen[0]}."
+                f"the recordings are of several wheels: {', '.join(wheels)}", f"Choose one: --wheel {wheels[0]}."
             )
-        return seen[0]
-    for order, read in zip(orders, reads, strict=True):
-        if wheel not in read.wheels:
-            raise _wheel_missing(order, read, reads, wheel)
+        return wheels[0]
+    for order, file in zip(orders, files, strict=True):
+        if wheel not in file.wheels:
+            raise _wheel_missing(order, file, files, wheel)
     return wheel
 
 
-def _wheel_missing(order: ReadOrder, read: RecordingRead, reads: Sequence[RecordingRead], wheel: str) -> RecordingError:
-    shared = [name for name in read.wheels if all(name in other.wheels for other in reads)]
-    choices = [f"Choose another wheel: {' or '.join(f'--wheel {name}' for name in shared)}."] if shared else []
-    if any(wheel in other.wheels for other in reads):
+def _wheel_missing(order: ReadOrder, file: RecordingRead, files: Sequence[RecordingRead], wheel: str) -> RecordingError:
+    common = [name for name in file.wheels if all(name in entry.wheels for entry in files)]
+    choices = [f"Choose another wheel: {' or '.join(f'--wheel {name}' for name in common)}."] if common else []
+    if any(wheel in entry.wheels for entry in files):
         choices.append("Or leave this recording out." if choices else "Leave this recording out.")
     elif not choices:
         choices.append("Give recordings of one wheel.")
-    contained = f"it contains {', '.join(read.wheels)}" if read.wheels else "it contains no wheel"
+    contained = f"it contains {', '.join(file.wheels)}" if file.wheels else "it contains no wheel"
     message = f"'{order.path}' contains no revolution of wheel {wheel}; {contained}"
-    return RecordingError("; ".join((message, *map(notice_text, read.notices))), " ".join(choices))
+    return RecordingError("; ".join((message, *map(notice_text, file.notices))), " ".join(choices))
 
 
-def _no_revolution(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead]) -> RecordingError:
+def _no_revolution(orders: Sequence[ReadOrder], files: Sequence[RecordingRead]) -> RecordingError:
     durations_s = [_samples_s(order.path) for order in orders]
     messages = [
-        "; ".join((f"no whole revolution in '{order.path}': {_samples_text(seconds)}", *map(notice_text, read.notices)))
-        for order, read, seconds in zip(orders, reads, durations_s, strict=True)
+        "; ".join((f"no whole revolution in '{order.path}': {_samples_text(seconds)}", *map(notice_text, file.notices)))
+        for order, file, seconds in zip(orders, files, durations_s, strict=True)
     ]
     if not any(durations_s):
         remedy = "`treadlink inspect` shows what was recorded."

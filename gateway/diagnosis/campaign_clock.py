@@ -45,13 +45,13 @@ class HubClockError:
         steps = np.diff(tick_us).astype(np.int32).astype(np.int64)
         ticks = int(tick_us[0]) + np.concatenate(([0], np.cumsum(steps)))
         if key in self._last:
-            before = self._last[key][0]
-            step = int(np.array([(int(tick_us[0]) - before) & 0xFFFFFFFF], np.uint32).view(np.int32)[0])
-            ticks += before + step - int(tick_us[0])
+            last_us = self._last[key][0]
+            step = int(np.array([(int(tick_us[0]) - last_us) & 0xFFFFFFFF], np.uint32).view(np.int32)[0])
+            ticks += last_us + step - int(tick_us[0])
         hub_s = ticks * 1e-6
-        begun = self._first.setdefault(key, [])
-        if sum(part.shape[1] for part in begun) < _SLOT_FRAMES:
-            begun.append(np.stack((hub_s - ticks[0] * 1e-6, (arrivals_ns - arrivals_ns[0]) * 1e-9)))
+        parts = self._first.setdefault(key, [])
+        if sum(part.shape[1] for part in parts) < _SLOT_FRAMES:
+            parts.append(np.stack((hub_s - ticks[0] * 1e-6, (arrivals_ns - arrivals_ns[0]) * 1e-9)))
         delay_s = (arrivals_ns - ticks * 1000) * 1e-9
         previous = self._last[key][1] if key in self._last else float(delay_s[0])
         start = self._starts.get(key, 0) + np.cumsum(np.abs(np.diff(delay_s, prepend=previous)) > _RESTART_S)
@@ -126,10 +126,10 @@ def _line(earliest: dict[int, tuple[float, float]]) -> tuple[float, float] | Non
         slope, offset = (float(value) for value in np.polyfit(hub_s[early], delay_s[early], 1))
         residual = delay_s - (offset + slope * hub_s)
         limit = float(np.median(residual)) + 3.0 * float(np.median(np.abs(residual - np.median(residual))))
-        fresh = residual <= max(limit, 1e-9)
-        if fresh.sum() < _MIN_WINDOWS // 2 or (fresh == early).all():
+        inliers = residual <= max(limit, 1e-9)
+        if inliers.sum() < _MIN_WINDOWS // 2 or (inliers == early).all():
             break
-        early = fresh
+        early = inliers
     number = int(early.sum())
     spread = math.sqrt(float(np.square(hub_s[early] - hub_s[early].mean()).sum()))
     # At least the resolution of the hub's time stamps.

@@ -25,7 +25,7 @@ from gateway.diagnosis.transfer import Transfer, transfer
 # Share of reading in the total time.
 _READING_SHARE: Final = 0.15
 # Likewise where effects are only compared.
-_READ_SHARE: Final = 0.3
+_TRANSFER_READING_SHARE: Final = 0.3
 
 Progress = Callable[[float, str], None]
 
@@ -62,12 +62,12 @@ def diagnose_recordings(
     report = on_progress or (lambda _share, _text: None)
     paths = [order.path for order in orders]
     total = sum(path.stat().st_size for path in paths if path.is_file())
-    read = 0
+    read_bytes = 0
 
     def on_bytes(count: int) -> None:
-        nonlocal read
-        read += count
-        report(_READING_SHARE * min(1.0, read / max(total, 1)), "reading")
+        nonlocal read_bytes
+        read_bytes += count
+        report(_READING_SHARE * min(1.0, read_bytes / max(total, 1)), "reading")
 
     campaign = read_campaign(orders, on_bytes=on_bytes, workers=workers)
     read_ns = clock.now_ns()
@@ -210,7 +210,7 @@ def transfer_effects(
     report = on_progress or (lambda _share, _text: None)
     report(0.0, "reading")
     campaign = read_campaign(orders, workers=workers)
-    report(_READ_SHARE, "comparing with and without the effects")
+    report(_TRANSFER_READING_SHARE, "comparing with and without the effects")
     result = transfer(campaign, table, model=model, origin=origin)
     report(1.0, "done")
     assert result.report is not None

@@ -308,7 +308,7 @@ def _reduced(
         remarks += samples.remarks(repeats)
     sensors, measures_pressure = reading.sensors.at(position), reading.sensors.measures_pressure(position)
     source = CoreCode.FROM_RECORDING if order.vehicle is None else CoreCode.FROM_CONFIGURATION
-    stated, assumed = provenance_of(vehicle, wheel, groups, source, pressure_measured=measures_pressure)
+    provenance, assumed = provenance_of(vehicle, wheel, groups, source, pressure_measured=measures_pressure)
     return RecordingRead(
         wheels=tuple(collected.wheels),
         groups=tuple(groups),
@@ -318,7 +318,7 @@ def _reduced(
         rejected=store.rejected,
         clock_error=collected.clock_error(address[0] if address else None),
         assumed=assumed,
-        stated=stated,
+        stated=provenance,
         damage=recording.file.damage,
         sensor_id=next(iter(sensors)) if len(sensors) == 1 else None,
         notices=tuple(reading.notices([position])),

@@ -80,7 +80,7 @@ SEARCHED: Final = 0.8
 """Share that is done when the search has ended."""
 
 # What is left of the search after each set.
-_LEFT: Final = 0.93
+_REMAINING_SHARE: Final = 0.93
 
 
 def diagnose(
@@ -167,19 +167,19 @@ def _diagnose(
     edges_ahead = helpers.ahead(_edges, campaign)
     time_locked_ahead = helpers.ahead(partial(_time_locked, without=omitted), campaign)
     posterior = _searched(search, on_progress)
-    best = posterior.best
+    best_set = posterior.best
     on_progress(SEARCHED, "computing held-out errors")
-    also = [posterior.every[names] for name in best.names if (names := best.names - {name}) in posterior.every]
+    also = [posterior.every[names] for name in best_set.names if (names := best_set.names - {name}) in posterior.every]
     errors = hold_out(posterior, data, also)
     held_out, noise = errors.summary, errors.noise_mps2
-    over = held_out.rms_after_mps2 / noise if noise > 0.0 else math.nan
-    exact = on_exact_ring(best.fit)
-    findings = _judged(posterior, effects, errors.rms_of, exact, campaign, data, over)
+    noise_ratio = held_out.rms_after_mps2 / noise if noise > 0.0 else math.nan
+    exact = on_exact_ring(best_set.fit)
+    findings = _judged(posterior, effects, errors.rms_of, exact, campaign, data, noise_ratio)
     findings = _not_overturned(findings, search, posterior)
     on_progress(_HELD_OUT, "diagnosing the time-locked signal")
-    changes = changing(best.fit, data)
+    changes = changing(best_set.fit, data)
     if changes:
-        drifts = drifts_of(best.fit, data, tuple(effects.values()))
+        drifts = drifts_of(best_set.fit, data, tuple(effects.values()))
         changes = tuple(replace(entry, drifts=drifts) for entry in changes)
         findings = with_drifts(findings, drifts)
     time_locked = time_locked_ahead()
@@ -188,12 +188,12 @@ def _diagnose(
     numbers = _numbers(search, posterior, exact)
     residuals: tuple[Unexplained, ...] = (
         *changes,
-        *unexplained(best.fit, data),
+        *unexplained(best_set.fit, data),
         *beside_changes(time_locked.unexplained, changes),
         *unexplained_revolutions(campaign.groups),
     )
-    every = (*findings, *edges, *rate_findings(campaign), *time_locked.findings)
-    shown = errors.fit_of[frozenset()], errors.fit_of[best.names]
+    all_findings = (*findings, *edges, *rate_findings(campaign), *time_locked.findings)
+    fits = errors.fit_of[frozenset()], errors.fit_of[best_set.names]
     on_progress(1.0, "done")
     diagnosis = Diagnosis(
         model=str(model),
@@ -204,16 +204,16 @@ def _diagnose(
         rejected=sum(campaign.rejected.values()),
         noise_floor_mps2=noise,
         held_out=held_out,
-        findings=tuple(sorted(every, key=lambda finding: _RANK[finding.verdict])),
+        findings=tuple(sorted(all_findings, key=lambda finding: _RANK[finding.verdict])),
         unexplained=tuple(sorted(residuals, key=lambda entry: -entry.rms_mps2)),
         estimates_before=numbers.before,
         estimates_after=numbers.after,
         determined=numbers.determined,
         determined_before=numbers.determined_before,
-        curves=curves_of(*shown, data),
-        effect_curves=effect_curves_of(best.fit, [f for f in findings if f.verdict is Verdict.NAMED]),
+        curves=curves_of(*fits, data),
+        effect_curves=effect_curves_of(best_set.fit, [f for f in findings if f.verdict is Verdict.NAMED]),
         spectra=time_locked.spectra,
-        trends=trends_of(*shown, data),
+        trends=trends_of(*fits, data),
         empirical_rms_mps2=errors.with_discrepancy_mps2 if empirical else None,
         notes=(
             *_ended(search),
@@ -221,27 +221,27 @@ def _diagnose(
                 Reason(DiagnosisCode.ABOUT_RECORDING, recording=campaign.recordings[number], reason=reason)
                 for number, reason in sorted(numbers.outvoted.items())
             ),
-            *_opposite(campaign),
+            *_opposite_axes(campaign),
             *_contradictions(campaign, numbers.unlike),
-            *_apart(numbers.widths_apart),
+            *_unlike_widths(numbers.widths_apart),
             *_differing(campaign, numbers.differing),
-            *_in_doubt(campaign),
+            *_doubted_sensors(campaign),
             *_no_ring(campaign, numbers.strange),
             *alignment_note(held_out),
             *_notes(campaign, with_mean=core.mean),
             *(_cut_short(search, posterior) or _tempered(posterior)),
-            *_open(numbers.considered, numbers.after),
+            *_open_effect_notes(numbers.considered, numbers.after),
             *other_optimum_notes(posterior),
             *time_locked.notes,
         ),
         folds_of=_folds_of(campaign),
-        correction=contribution_table(best.fit, tuple(findings)),
+        correction=contribution_table(best_set.fit, tuple(findings)),
         load_known=all(group.load_known for group in campaign.groups),
         pressure_known=all(group.pressure_known for group in campaign.groups),
         complete=search.complete,
         outvoted=numbers.outvoted,
     )
-    return diagnosis, best.fit
+    return diagnosis, best_set.fit
 
 
 def _judged(
@@ -251,18 +251,18 @@ def _judged(
     exact: OnExactRing | None,
     campaign: Campaign,
     data: Whitened,
-    over: float,
+    noise_ratio: float,
 ) -> list[Finding]:
     """Return the findings of effects, as the exact ring and unseen recordings judge them."""
-    best = posterior.best
+    best_set = posterior.best
     findings = findings_of(posterior, effects, rms_of)
     if exact is not None:
         findings = confirmed(apart_from(findings, exact.parameters), exact.absent)
-    without = {name: posterior.without(name).fit for name in best.names}
-    findings = beside_unknown(findings, best.fit, without, posterior.temperatures)
-    single = of_one_size(beside_more(findings, best.fit, data), best.fit, data)
-    tested = judged_elsewhere(of_common_size(single), best.fit, without, data)
-    return doubted(tested, tuple(effects.values()), campaign, over)
+    without = {name: posterior.without(name).fit for name in best_set.names}
+    findings = beside_unknown(findings, best_set.fit, without, posterior.temperatures)
+    single = of_one_size(beside_more(findings, best_set.fit, data), best_set.fit, data)
+    tested = judged_elsewhere(of_common_size(single), best_set.fit, without, data)
+    return doubted(tested, tuple(effects.values()), campaign, noise_ratio)
 
 
 class _Numbers(NamedTuple):
@@ -296,9 +296,9 @@ class _Numbers(NamedTuple):
 def _numbers(search: SetSearch, posterior: Posterior, exact: OnExactRing | None) -> _Numbers:
     """Return the estimates before and after, as far as the recordings do not contradict each other."""
     campaign, core, data = search.campaign, search.core, search.data
-    better = [exact.numbers] if exact is not None else []
+    reference_numbers = [exact.numbers] if exact is not None else []
     if exact is None and posterior.impossible is not None:
-        better = [estimates_of([(posterior.impossible.fit, 1.0)])[0]]
+        reference_numbers = [estimates_of([(posterior.impossible.fit, 1.0)])[0]]
     unlike = _unlike_contacts(campaign)
     # Only where much is left: it costs a fit of each recording.
     differing = recordings_apart(campaign, core) if max(posterior.temperatures) >= criteria.TEMPERED else []
@@ -309,34 +309,34 @@ def _numbers(search: SetSearch, posterior: Posterior, exact: OnExactRing | None)
     if _is_cut_short(search, posterior):
         doubted_states = {group.state for group in campaign.groups}
     contradicted = frozenset(doubted_states)
-    strange, strange_before = (_not_a_ring(evaluated.fit, data) for evaluated in (posterior.best, posterior.baseline))
+    non_ring, non_ring_before = (_not_a_ring(evaluated.fit, data) for evaluated in (posterior.best, posterior.baseline))
     considered = [(beside_remainder(evaluated.fit, data), weight) for evaluated, weight in posterior.considered]
     after, determined = estimates_of(
-        considered, better, contradicted | _states_of(campaign, strange), posterior.temperatures.plane
+        considered, reference_numbers, contradicted | _states_of(campaign, non_ring), posterior.temperatures.plane
     )
     if exact is None and core.model is not BaselineModel.EXACT:
         # The error of the equations is unknown.
         determined = dict.fromkeys(determined, False)
-    to_before = better if exact is not None else [*better, after]
+    to_before = reference_numbers if exact is not None else [*reference_numbers, after]
     before, determined_before = estimates_of(
         [(beside_remainder(posterior.baseline.fit, data), 1.0)],
         to_before,
-        contradicted | _states_of(campaign, strange_before),
+        contradicted | _states_of(campaign, non_ring_before),
         math.sqrt(residual_ratio(posterior.baseline.fit, data, PLANE)),
     )
     # The series take the load for a part of Cw.
-    apart = belt_widths_apart(after) if core.model is BaselineModel.EXACT else None
+    widths_apart = belt_widths_apart(after) if core.model is BaselineModel.EXACT else None
     outvoted = {**unlike_signals(campaign), **unlike_contacts_of(campaign)}
-    if apart is not None:
+    if widths_apart is not None:
         unlike_others = unlike_loads(campaign, after)
-        before, after = widened(before, *apart), widened(after, *apart)
+        before, after = widened(before, *widths_apart), widened(after, *widths_apart)
         surviving = still_determined(after, determined)
         # Where numbers survive the contradiction, more recordings are worth more than its small share.
         outvoted |= unlike_others if surviving != determined else {}
         determined = surviving
         determined_before = still_determined(before, determined_before)
     return _Numbers(
-        before, after, determined, determined_before, considered, apart, unlike, differing, strange, outvoted
+        before, after, determined, determined_before, considered, widths_apart, unlike, differing, non_ring, outvoted
     )
 
 
@@ -387,7 +387,7 @@ class _Steps:
 
     def __call__(self, effects: int) -> None:
         self._done += 1
-        share = _FITTED + (SEARCHED - _FITTED) * (1.0 - _LEFT**self._done)
+        share = _FITTED + (SEARCHED - _FITTED) * (1.0 - _REMAINING_SHARE**self._done)
         self._on_progress(share, f"comparing sets of {effects} effects" if effects != 1 else "comparing single effects")
 
 
@@ -398,27 +398,27 @@ def _cannot_be_fitted(model: BaselineModel, error: object) -> BaselineUnfittedEr
     )
 
 
-def _check_directions(campaign: Campaign, wrong: list[int]) -> None:
+def _check_directions(campaign: Campaign, contradicted: list[int]) -> None:
     """Reject recordings that contradict their stated direction, which no effect could correct.
 
     Raises:
         RecordingsContradictedError: one does.
     """
-    if not wrong:
+    if not contradicted:
         return
-    stated = {group.recording for group in campaign.groups if group.conditions.reverse}
+    reverse_recordings = {group.recording for group in campaign.groups if group.conditions.reverse}
     remedies = [
         f"remove --reverse {campaign.recordings[number]}"
-        if number in stated
+        if number in reverse_recordings
         else f"add --reverse {campaign.recordings[number]}"
-        for number in wrong
+        for number in contradicted
     ]
     raise RecordingsContradictedError(
         "the sign of the circumferential axis is opposite to that of a rolling tire in "
-        + ", ".join(f"'{campaign.recordings[number]}'" for number in wrong),
+        + ", ".join(f"'{campaign.recordings[number]}'" for number in contradicted),
         f"If the tire rolled in the opposite direction, {' and '.join(remedies)}; otherwise the sensor's axis points "
         "backwards: record or import it with the sign reversed.",
-        dict.fromkeys(wrong, Reason(DiagnosisCode.CIRCUMFERENTIAL_REVERSED)),
+        dict.fromkeys(contradicted, Reason(DiagnosisCode.CIRCUMFERENTIAL_REVERSED)),
     )
 
 
@@ -430,7 +430,7 @@ def _unlike_contacts(campaign: Campaign) -> list[tuple[int, int]]:
     )
 
 
-def _in_doubt(campaign: Campaign) -> tuple[Reason, ...]:
+def _doubted_sensors(campaign: Campaign) -> tuple[Reason, ...]:
     """Return the note on recordings whose sensor the pipeline doubts."""
     places = sorted({group.recording for group in campaign.groups if group.sensor_doubted})
     if not places:
@@ -449,13 +449,13 @@ def _states_of(campaign: Campaign, groups: Iterable[int]) -> frozenset[int]:
     return frozenset(campaign.groups[index].state for index in groups)
 
 
-def _no_ring(campaign: Campaign, strange: Mapping[int, float]) -> tuple[Reason, ...]:
+def _no_ring(campaign: Campaign, non_ring_shares: Mapping[int, float]) -> tuple[Reason, ...]:
     """Return the note on recordings whose signal is not that of a ring."""
-    if not strange:
+    if not non_ring_shares:
         return ()
-    places = sorted({campaign.groups[index].recording for index in strange})
+    places = sorted({campaign.groups[index].recording for index in non_ring_shares})
     names = tuple(campaign.recordings[recording] for recording in places)
-    return (Reason(DiagnosisCode.NOT_A_RING, recordings=names, share=max(strange.values())),)
+    return (Reason(DiagnosisCode.NOT_A_RING, recordings=names, share=max(non_ring_shares.values())),)
 
 
 def _contradictions(campaign: Campaign, pairs: Sequence[tuple[int, int]]) -> tuple[Reason, ...]:
@@ -463,8 +463,8 @@ def _contradictions(campaign: Campaign, pairs: Sequence[tuple[int, int]]) -> tup
     notes = []
     for pair in pairs:
         short, long = (campaign.groups[index] for index in pair)
-        same = short.recording == long.recording
-        first, second = (group.label if same else campaign.recordings[group.recording] for group in (short, long))
+        is_same = short.recording == long.recording
+        first, second = (group.label if is_same else campaign.recordings[group.recording] for group in (short, long))
         notes.append(
             Reason(
                 DiagnosisCode.CONTACTS_CONTRADICT,
@@ -477,7 +477,7 @@ def _contradictions(campaign: Campaign, pairs: Sequence[tuple[int, int]]) -> tup
     return tuple(notes)
 
 
-def _apart(widths: tuple[Fitted, Fitted] | None) -> tuple[Reason, ...]:
+def _unlike_widths(widths: tuple[Fitted, Fitted] | None) -> tuple[Reason, ...]:
     if widths is None:
         return ()
     low, high = widths
@@ -510,7 +510,7 @@ def _differing(campaign: Campaign, pairs: Sequence[Apart]) -> Iterator[Reason]:
         )
 
 
-def _open(considered: Sequence[tuple[Fit, float]], after: Mapping[str, Fitted]) -> Iterator[Reason]:
+def _open_effect_notes(considered: Sequence[tuple[Fit, float]], after: Mapping[str, Fitted]) -> Iterator[Reason]:
     """Yield a note on each effect whose presence is open and makes up most of the error of numbers."""
     for open_effect in open_effects(considered, after):
         code = (
@@ -530,14 +530,14 @@ def _open(considered: Sequence[tuple[Fit, float]], after: Mapping[str, Fitted]) 
 def other_optimum_notes(posterior: Posterior) -> Iterator[Reason]:
     """Yield a note on each other optimum that makes up most of the error of a parameter, the first one of these."""
     weights = {id(evaluated): weight for evaluated, weight in posterior.considered}
-    best = posterior.best.fit
+    fit = posterior.best.fit
     for name, others in posterior.optima.items():
-        effect = next(effect for effect in best.model.effects if effect.name == name)
-        where = best.model.layout.effect(name)
+        effect = next(effect for effect in fit.model.effects if effect.name == name)
+        indices = fit.model.layout.effect(name)
         for evaluated in others:
-            apart = np.abs(evaluated.fit.vector - best.vector)[where] / np.sqrt(np.diagonal(best.covariance)[where])
+            shifts = np.abs(evaluated.fit.vector - fit.vector)[indices] / np.sqrt(np.diagonal(fit.covariance)[indices])
             weight = weights.get(id(evaluated), 0.0)
-            widened_to = np.hypot(1.0, math.sqrt(weight) * apart)
+            widened_to = np.hypot(1.0, math.sqrt(weight) * shifts)
             if widened_to.max() < criteria.OPEN_RATIO:
                 continue
             index = int(np.argmax(widened_to >= criteria.OPEN_RATIO))
@@ -546,8 +546,8 @@ def other_optimum_notes(posterior: Posterior) -> Iterator[Reason]:
                 DiagnosisCode.OTHER_OPTIMUM,
                 effect=name,
                 parameter=parameter.name,
-                value=float(evaluated.fit.vector[where][index]) * parameter.factor,
-                best=float(best.vector[where][index]) * parameter.factor,
+                value=float(evaluated.fit.vector[indices][index]) * parameter.factor,
+                best=float(fit.vector[indices][index]) * parameter.factor,
                 unit=parameter.display_unit or parameter.unit,
                 probability=weight,
             )
@@ -593,7 +593,7 @@ def _folds_of(campaign: Campaign) -> str:
     return "revolutions" if single else "blocks of revolutions"
 
 
-def _opposite(campaign: Campaign) -> tuple[Reason, ...]:
+def _opposite_axes(campaign: Campaign) -> tuple[Reason, ...]:
     """Return that two recordings have opposite lateral axes, where no majority tells which is reversed."""
     pair = opposite_pair(campaign)
     if pair is None:

@@ -190,8 +190,8 @@ def load_effects(path: Path) -> CorrectionTable:
 
 def _digest(document: Mapping[str, Any]) -> str:
     """Return the SHA-256 of all that a file states, whatever its line breaks and the order of its keys."""
-    stated = {key: value for key, value in document.items() if key != _DIGEST}
-    return hashlib.sha256(json.dumps(stated, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+    content = {key: value for key, value in document.items() if key != _DIGEST}
+    return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
 def _document(text: str, path: Path) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from gateway.diagnosis.effects.local_effects import LocalChange
 from gateway.diagnosis.model.baseline_registry import angle_effects
 from gateway.diagnosis.model.closure_model import AngleEffect
 
-_AGAIN: Final = "Create the file again with `treadlink diagnose --save-effects`."
+_REMEDY: Final = "Create the file again with `treadlink diagnose --save-effects`."
 
 # Files of before held laws, by other names.
 _RENAMED: Final = {
@@ -53,8 +53,8 @@ def known_effects(
                 f"{origin}: the catalogue has no effect '{corrected.name}' for this baseline model",
                 "Create the file again with `treadlink diagnose --save-effects`, or install the plug-in it came from.",
             )
-        if any(effect.name == other.name for other, _ in effects):
-            raise TreadlinkError(f"{origin}: effect '{corrected.name}' stands twice", _AGAIN)
+        if any(effect.name == previous.name for previous, _ in effects):
+            raise TreadlinkError(f"{origin}: effect '{corrected.name}' stands twice", _REMEDY)
         in_file = {parameter.name: parameter for parameter in corrected.parameters}
         if isinstance(effect, LocalChange):
             # Files of before hold changes of a belt of the baseline model's mass.
@@ -62,11 +62,11 @@ def known_effects(
         names = [parameter.name for parameter in effect.parameters]
         for name in names:
             if name not in in_file:
-                raise TreadlinkError(f"{origin}: effect '{corrected.name}' lacks the parameter '{name}'", _AGAIN)
+                raise TreadlinkError(f"{origin}: effect '{corrected.name}' lacks the parameter '{name}'", _REMEDY)
         for name in in_file:
             if name not in names or sum(parameter.name == name for parameter in corrected.parameters) > 1:
                 raise TreadlinkError(
-                    f"{origin}: effect '{corrected.name}' has no parameter '{name}', or has it twice", _AGAIN
+                    f"{origin}: effect '{corrected.name}' has no parameter '{name}', or has it twice", _REMEDY
                 )
         for parameter in effect.parameters:
             _check_range(effect, parameter, in_file[parameter.name], origin)
@@ -75,23 +75,23 @@ def known_effects(
     return effects
 
 
-def _check_range(effect: AngleEffect, parameter: Parameter, given: EffectParameter, origin: str) -> None:
+def _check_range(effect: AngleEffect, parameter: Parameter, file_parameter: EffectParameter, origin: str) -> None:
     """Check a value by the range that a diagnosis allows.
 
     Raises:
         TreadlinkError: it is outside by more than its standard error allows, or in another unit.
     """
     label = f"{origin}: effect '{effect.name}': parameter '{parameter.name}'"
-    if given.unit != parameter.unit:
-        wanted, given_unit = parameter.unit or "no unit", given.unit or "no unit"
-        raise TreadlinkError(f"{label} is in {given_unit}, not in {wanted}", _AGAIN)
-    slack = criteria.BEYOND_BOUND * given.std if math.isfinite(given.std) else 0.0
+    if file_parameter.unit != parameter.unit:
+        expected_unit, file_unit = parameter.unit or "no unit", file_parameter.unit or "no unit"
+        raise TreadlinkError(f"{label} is in {file_unit}, not in {expected_unit}", _REMEDY)
+    slack = criteria.BEYOND_BOUND * file_parameter.std if math.isfinite(file_parameter.std) else 0.0
     # A wide error does not make an impossible value possible.
     slack = min(slack, parameter.high - parameter.low)
-    if not parameter.low - slack <= given.value <= parameter.high + slack:
+    if not parameter.low - slack <= file_parameter.value <= parameter.high + slack:
         unit = f" {parameter.unit}" if parameter.unit else ""
         raise TreadlinkError(
-            f"{label} is {given.value:g}{unit}, outside its plausible range of {parameter.low:g} to "
+            f"{label} is {file_parameter.value:g}{unit}, outside its plausible range of {parameter.low:g} to "
             f"{parameter.high:g}{unit}",
-            _AGAIN,
+            _REMEDY,
         )

@@ -42,9 +42,9 @@ def provenance_of(
         source: of the configuration: FROM_CONFIGURATION or FROM_RECORDING.
         pressure_measured: whether the sensor sent a pressure, which then replaces the stated one.
     """
-    stated = _stated(vehicle, wheel, groups, Reason(source), pressure_measured=pressure_measured)
+    conditions = _stated_conditions(vehicle, wheel, groups, Reason(source), pressure_measured=pressure_measured)
     assumed = tuple(_assumed(vehicle, wheel, groups))
-    return tuple(reason for quantity, reason in stated if not is_assumed(vehicle, quantity)), assumed
+    return tuple(reason for quantity, reason in conditions if not is_assumed(vehicle, quantity)), assumed
 
 
 def is_assumed(vehicle: VehicleConfig | None, quantity: Quantity) -> bool:
@@ -52,7 +52,7 @@ def is_assumed(vehicle: VehicleConfig | None, quantity: Quantity) -> bool:
     return vehicle is not None and quantity in map(_quantity, vehicle.vehicle.assumed)
 
 
-def _stated(
+def _stated_conditions(
     vehicle: VehicleConfig | None,
     wheel: Wheel | None,
     groups: Sequence[Group],
@@ -69,16 +69,16 @@ def _stated(
             yield Quantity.LOAD, _stated_load(loads_n, source)
     pressures_pa = [group.conditions.pressure_pa for group in groups if group.pressure_known]
     if pressures_pa:
-        by = Reason(CoreCode.FROM_SENSOR) if pressure_measured else source
-        yield Quantity.PRESSURE, _stated_pressure(pressures_pa, by)
+        origin = Reason(CoreCode.FROM_SENSOR) if pressure_measured else source
+        yield Quantity.PRESSURE, _stated_pressure(pressures_pa, origin)
     mounting = wheel.mounting if wheel is not None else Mounting()
     if mounting.offset_m is not None:
         yield Quantity.OFFSET, Reason(DiagnosisCode.STATED, quantity="offset_m", value=mounting.offset_m, source=source)
     elif measured_m := [group.declared_offset_m for group in groups if group.conditions.offset_known]:
-        by = Reason(CoreCode.FROM_SENSOR)
+        origin = Reason(CoreCode.FROM_SENSOR)
         yield (
             Quantity.OFFSET,
-            Reason(DiagnosisCode.STATED, quantity="offset_m", value=sum(measured_m) / len(measured_m), source=by),
+            Reason(DiagnosisCode.STATED, quantity="offset_m", value=sum(measured_m) / len(measured_m), source=origin),
         )
     if mounting.roll_deg:
         yield (

@@ -17,11 +17,11 @@ _MOVING: Final = 0.5
 _SMOOTH: Final = 1.3
 # Non-zero differences on every axis that show the converter's step, and samples after which no more are awaited: an
 # axis may be dead, and the samples wait in memory.
-_SHOWN: Final = 5_000
+_ENOUGH_CHANGES: Final = 5_000
 _AWAITED: Final = 1_000_000
 # Differences below the step, over those from one to two steps: fewer are no steps of the converter, but values between
 # them that something else has made, such as bridged gaps.
-_BETWEEN: Final = 0.3
+_BELOW_STEP_RATIO: Final = 0.3
 # Differences of two counts are smaller.
 _LARGEST: Final = 1 << 16
 
@@ -55,7 +55,7 @@ class RepeatedSamples:
         """Take the number of channels and the count from which a sample is saturated and may well stay."""
         self._channels, self._saturation = channels, saturation_counts
         self._square: FloatArray = np.zeros(channels)
-        self._runs = self._samples = self._total = self._near = self._moving = 0
+        self._runs = self._samples = self._total = self._small_pairs = self._moving = 0
         self._waiting: list[NDArray[np.int16]] = []
         self._changes: IntArray = np.zeros(channels, dtype=np.int64)
         self._awaited = 0
@@ -72,7 +72,7 @@ class RepeatedSamples:
         self._waiting.append(counts.copy())
         self._awaited += len(counts)
         self._changes += (counts[1:] != counts[:-1]).sum(axis=0)
-        if int(self._changes.min()) >= _SHOWN or self._awaited >= _AWAITED:
+        if int(self._changes.min()) >= _ENOUGH_CHANGES or self._awaited >= _AWAITED:
             self._count_waiting()
 
     def step_counts(self) -> FloatArray:
@@ -89,7 +89,7 @@ class RepeatedSamples:
         if self._runs == 0 or self._moving < _MOVING * self._total:
             return None
         # Steps of -1, 0 and 1 are about as likely as one another, on each axis and in each of two steps.
-        expected = (self._near + 1) * _SMOOTH ** (2 * self._channels) / (9.0**self._channels - 1.0)
+        expected = (self._small_pairs + 1) * _SMOOTH ** (2 * self._channels) / (9.0**self._channels - 1.0)
         if float(pdtrc(self._runs - 1, expected)) > _CHANCE:
             return None
         return Repetition(self._runs, self._samples, self._total, np.sqrt(self._square / self._total))
@@ -114,16 +114,16 @@ class RepeatedSamples:
         if not live.any():
             return
         steps = steps[:, live]
-        free: BoolArray = np.logical_and.reduce(np.abs(counts[1:, live].astype(np.int32)) < self._saturation, axis=1)
-        small: BoolArray = np.logical_and.reduce(steps <= one_step[live], axis=1)
-        equal: BoolArray = (steps.max(axis=1) == 0) & free
-        near = small & free
+        valid: BoolArray = np.logical_and.reduce(np.abs(counts[1:, live].astype(np.int32)) < self._saturation, axis=1)
+        is_small: BoolArray = np.logical_and.reduce(steps <= one_step[live], axis=1)
+        equal: BoolArray = (steps.max(axis=1) == 0) & valid
+        is_small_valid = is_small & valid
         self._total += len(counts)
-        self._moving += len(small) - int(small.sum())
-        self._near += int((near[1:] & near[:-1] & ~(equal[1:] & equal[:-1])).sum())
+        self._moving += len(is_small) - int(is_small.sum())
+        self._small_pairs += int((is_small_valid[1:] & is_small_valid[:-1] & ~(equal[1:] & equal[:-1])).sum())
         first, last = _stretches(equal)
         # A stuck sample is left by a jump; at a crest that is slow to turn, the next step is small.
-        long = (last - first >= 2) & ~np.append(small, True)[last]
+        long = (last - first >= 2) & ~np.append(is_small, True)[last]
         for begin, end in zip(first[long].tolist(), last[long].tolist(), strict=True):
             self._runs += 1
             self._samples += end - begin
@@ -136,8 +136,8 @@ def _step_counts(differences: IntArray) -> int:
     below = np.cumsum(np.append(0, differences[1:]))
     sizes = np.arange(2, _LARGEST // 2)
     # Of a finer converter, differences below any size are about as frequent as from it to twice as much.
-    few = below[sizes - 1] < _BETWEEN * (below[2 * sizes - 1] - below[sizes - 1])
-    return int(sizes[few].max()) if few.any() else 1
+    is_step = below[sizes - 1] < _BELOW_STEP_RATIO * (below[2 * sizes - 1] - below[sizes - 1])
+    return int(sizes[is_step].max()) if is_step.any() else 1
 
 
 def _stretches(values: BoolArray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

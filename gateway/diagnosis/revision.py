@@ -28,11 +28,11 @@ def commit_of_checkout(root: Path) -> str:
         if not head.startswith(_HEAD):
             return head
         common = git / "commondir"
-        shared = (git / common.read_text(encoding="utf-8").strip()).resolve() if common.is_file() else git
+        common_dir = (git / common.read_text(encoding="utf-8").strip()).resolve() if common.is_file() else git
         branch = head.removeprefix(_HEAD)
-        if (shared / branch).is_file():
-            return (shared / branch).read_text(encoding="utf-8").strip()
-        packed = (shared / "packed-refs").read_text(encoding="utf-8").splitlines()
+        if (common_dir / branch).is_file():
+            return (common_dir / branch).read_text(encoding="utf-8").strip()
+        packed = (common_dir / "packed-refs").read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError):
         return ""
     return next((line.split()[0] for line in packed if line.endswith(f" {branch}")), "")

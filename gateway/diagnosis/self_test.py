@@ -60,16 +60,16 @@ def self_test(
         if expired():
             break
         try:
-            again = diagnose(simulated(fit, rng), partial(_report, on_progress, number, count))
+            result = diagnose(simulated(fit, rng), partial(_report, on_progress, number, count))
         except TreadlinkError as error:
             # The result itself is whole: it outlives a simulation that no model fits.
             _logger.info("simulation %d has no diagnosis: %s", number + 1, error)
             failed += 1
             continue
-        if not again.complete:
+        if not result.complete:
             # What the search did not come to would count as missed.
             break
-        identified = {finding.name: finding for finding in again.findings if finding.verdict is Verdict.NAMED}
+        identified = {finding.name: finding for finding in result.findings if finding.verdict is Verdict.NAMED}
         untrue = [name for name, finding in identified.items() if finding.lock == "angle" and name not in effects]
         false.update(untrue)
         missed.update(named - identified.keys())
@@ -77,9 +77,9 @@ def self_test(
         for name in effects.keys() & identified.keys():
             for value, fitted in zip(effects[name].tolist(), identified[name].parameters.values(), strict=True):
                 pulls.append((fitted.value - value) / fitted.std if fitted.std > 0.0 else math.nan)
-        for name, is_determined in again.determined.items():
-            if is_determined and name in numbers and again.estimates_after[name].std > 0.0:
-                fitted = again.estimates_after[name]
+        for name, is_determined in result.determined.items():
+            if is_determined and name in numbers and result.estimates_after[name].std > 0.0:
+                fitted = result.estimates_after[name]
                 pulls.append((fitted.value - numbers[name].value) / fitted.std)
         done += 1
     return SelfTest(
@@ -99,11 +99,11 @@ def simulated(fit: Fit, rng: np.random.Generator) -> Campaign:
         rng: random numbers.
     """
     campaign = fit.model.campaign
-    turn = np.exp(-1j * rng.uniform(0.0, 2.0 * math.pi) * _ORDER)
+    rotation = np.exp(-1j * rng.uniform(0.0, 2.0 * math.pi) * _ORDER)
     unexplained = [np.zeros((3, ORDERS), dtype=np.complex128) for _ in campaign.groups]
     if fit.applied is not None:
         means = fit.applied.mean([rows[-1] for rows in fit.weighted])
-        unexplained = [as_complex(mean) * turn for mean in means]
+        unexplained = [as_complex(mean) * rotation for mean in means]
     groups = []
     for index, group in enumerate(campaign.groups):
         truth = fit.model.predict_group(fit.vector, index) + unexplained[index]
@@ -126,8 +126,8 @@ def _scatter(group: Group, rng: np.random.Generator) -> list[ComplexArray]:
         imaginary[..., 0] = 0.0
         return list((real + 1j * imaginary) * measured)
     # About their mean blocks scatter by less than about the truth.
-    apart = (orders - np.tensordot(counts / counts.sum(), orders, 1)) * np.sqrt(counts)[:, None, None]
-    apart *= math.sqrt(len(counts) / (len(counts) - 1.0))
+    deviations = (orders - np.tensordot(counts / counts.sum(), orders, 1)) * np.sqrt(counts)[:, None, None]
+    deviations *= math.sqrt(len(counts) / (len(counts) - 1.0))
     signs = rng.choice([-1.0, 1.0], len(counts))
-    drawn = signs[:, None, None] * apart[rng.permutation(len(counts))] / np.sqrt(counts)[:, None, None]
+    drawn = signs[:, None, None] * deviations[rng.permutation(len(counts))] / np.sqrt(counts)[:, None, None]
     return list(drawn * measured)

@@ -94,7 +94,7 @@ def transfer(
     try:
         start = baseline_fit(campaign, core, data)
         baseline = evaluate(start, data, discrepancy, None)
-        transferred = evaluate(_kept(campaign, core, data, effects, start), data, discrepancy, None)
+        transferred = evaluate(_fit_with_effects(campaign, core, data, effects, start), data, discrepancy, None)
     except FitFailedError as error:
         raise TreadlinkError(
             f"the model cannot be fitted to these recordings: {error}",
@@ -111,7 +111,7 @@ def transfer(
         *campaign.notes,
     )
     revolutions = sum(block.count for group in campaign.groups for block in group.blocks)
-    shown = errors.fit_of[baseline.names], errors.fit_of[transferred.names]
+    fits = errors.fit_of[baseline.names], errors.fit_of[transferred.names]
     (before, determined_before), (after, determined) = (
         estimates_of([(evaluated.fit, 1.0)], left_ratio=math.sqrt(residual_ratio(evaluated.fit, data, PLANE)))
         for evaluated in (baseline, transferred)
@@ -134,8 +134,8 @@ def transfer(
         estimates_after=after,
         determined=determined,
         determined_before=determined_before,
-        curves=curves_of(*shown, data),
-        trends=trends_of(*shown, data),
+        curves=curves_of(*fits, data),
+        trends=trends_of(*fits, data),
         notes=notes,
         stated=campaign.stated,
         load_known=all(group.load_known for group in campaign.groups),
@@ -192,7 +192,7 @@ def _signal_of(campaign: Campaign) -> CorrectedSignal:
     )
 
 
-def _kept(
+def _fit_with_effects(
     campaign: Campaign, core: Core, data: Whitened, effects: list[tuple[AngleEffect, FloatArray]], start: Fit
 ) -> Fit:
     """Return the fit of the tire's own parameters with the effects held.
@@ -200,16 +200,16 @@ def _kept(
     Raises:
         FitFailedError: no fit succeeds.
     """
-    held = {effect.name: values for effect, values in effects}
-    model = ClosureModel(campaign, core, [effect for effect, _ in effects], held=held)
+    fixed_values = {effect.name: values for effect, values in effects}
+    model = ClosureModel(campaign, core, [effect for effect, _ in effects], held=fixed_values)
     vector = start.model.layout.moved(start.vector, model.layout)
     nominal, _ = model.priors()
-    for name, values in held.items():
+    for name, values in fixed_values.items():
         vector[model.layout.effect(name)] = values
     fits = []
-    for begin, from_afar in ((vector, False), (nominal, True)):
+    for start_vector, from_afar in ((vector, False), (nominal, True)):
         try:
-            fits.append(fit_model(model, data, begin, from_afar=from_afar))
+            fits.append(fit_model(model, data, start_vector, from_afar=from_afar))
         except FitFailedError:
             continue
     if not fits:

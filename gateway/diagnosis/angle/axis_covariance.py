@@ -23,7 +23,7 @@ from gateway.diagnosis.angle.likelihood import REAL
 _JITTER: Final = 1e-10
 # Size from which a matrix is factorised in two halves: LAPACK inverts triangles of this size at a third of the speed of
 # its products.
-_LARGE: Final = 300
+_MAX_UNSPLIT_SIZE: Final = 300
 
 Rows = Sequence[FloatArray | None]
 
@@ -145,51 +145,51 @@ def inverse_of(axis_groups: AxisGroups, amplitudes: FloatArray) -> Inverse:
     Raises:
         LinAlgError: the covariance is singular.
     """
-    bare = axis_groups.combined(amplitudes[: axis_groups.parts])
-    whole = len(axis_groups.groups) <= axis_groups.parts
-    return _Whole(axis_groups, bare) if whole else _Shared(axis_groups, bare)
+    covariances = axis_groups.combined(amplitudes[: axis_groups.parts])
+    is_joint = len(axis_groups.groups) <= axis_groups.parts
+    return _JointInverse(axis_groups, covariances) if is_joint else _PartwiseInverse(axis_groups, covariances)
 
 
-def _unshared_covariance(axis_groups: AxisGroups, number: int, bare: FloatArray) -> FloatArray:
+def _unshared_covariance(axis_groups: AxisGroups, number: int, covariances: FloatArray) -> FloatArray:
     """Return the covariance of what one group does not share, (m, m)."""
     scatter = axis_groups.scatters[number]
     if len(axis_groups.groups) == 1:
         # What is a group's own is no different there from what it shares.
         return scatter.covariance
-    unshared = np.tensordot(criteria.OWN_SHARE * np.square(axis_groups.scales[:, number]), bare, axes=1)
+    unshared = np.tensordot(criteria.OWN_SHARE * np.square(axis_groups.scales[:, number]), covariances, axes=1)
     return np.asarray(scatter.covariance + _chosen(unshared, scatter.chosen, scatter.chosen), dtype=np.float64)
 
 
-def _steadied(bare: FloatArray) -> tuple[FloatArray, ...]:
+def _regularised(covariances: FloatArray) -> tuple[FloatArray, ...]:
     """Return the covariances (parts, REAL, REAL) with a diagonal by which their Cholesky factors exist."""
-    steadied = []
-    for matrix in bare:
+    regularised = []
+    for matrix in covariances:
         prior = matrix.copy()
         prior[np.diag_indices(REAL)] += _JITTER * float(np.trace(prior)) / REAL
-        steadied.append(prior)
-    return tuple(steadied)
+        regularised.append(prior)
+    return tuple(regularised)
 
 
-class _Whole:
+class _JointInverse:
     """Inverse of the covariance of all groups' coefficients as one matrix."""
 
     def __init__(self, axis_groups: AxisGroups, bare: FloatArray) -> None:
         self._axis_groups = axis_groups
-        self.priors = _steadied(bare)
+        self.priors = _regularised(bare)
         scatters, scales = axis_groups.scatters, axis_groups.scales
         numbers = range(len(axis_groups.groups))
         ends = np.cumsum([0, *(len(scatter.chosen) for scatter in scatters)])
-        of = [slice(first, last) for first, last in pairwise(ends.tolist())]
+        slices = [slice(first, last) for first, last in pairwise(ends.tolist())]
         covariance = np.empty((ends[-1], ends[-1]))
         for first in numbers:
             for second in range(first + 1):
                 # The lower triangle is enough for the factorisation.
                 factors = scales[:, first] * scales[:, second]
-                shared = sum(factor * prior for factor, prior in zip(factors.tolist(), self.priors, strict=True))
-                block = _chosen(np.asarray(shared), scatters[first].chosen, scatters[second].chosen)
+                shared_prior = sum(factor * prior for factor, prior in zip(factors.tolist(), self.priors, strict=True))
+                block = _chosen(np.asarray(shared_prior), scatters[first].chosen, scatters[second].chosen)
                 if first == second:
                     block = block + _unshared_covariance(axis_groups, first, bare)
-                covariance[of[first], of[second]] = block
+                covariance[slices[first], slices[second]] = block
         inverse, log_determinant = _inverse(covariance)
         self.log_determinant = log_determinant - sum(scatter.log_determinant for scatter in scatters)
         if len(inverse) < len(numbers) * REAL:
@@ -218,7 +218,7 @@ class _Whole:
         return np.asarray(sum(scales[g] * scales[h] * self._inverse[g, h] for g in groups for h in groups))
 
 
-class _Shared:
+class _PartwiseInverse:
     """Inverse by way of the coefficients that the groups share: C^-1 = G - G s (P^-1 + H)^-1 s' G.
 
     G is the inverse of the groups' own covariances, s the scales of the parts, and H = s' G s.
@@ -226,7 +226,7 @@ class _Shared:
 
     def __init__(self, axis_groups: AxisGroups, bare: FloatArray) -> None:
         self._axis_groups = axis_groups
-        self.priors = _steadied(bare)
+        self.priors = _regularised(bare)
         parts = range(axis_groups.parts)
         self._lower = [_cholesky(prior) for prior in self.priors]
         self.log_determinant = 0.0
@@ -242,35 +242,35 @@ class _Shared:
             for second in range(first + 1):
                 scales = axis_groups.scales[first] * axis_groups.scales[second]
                 self._information[first].append(np.tensordot(scales, stacked, axes=1))
-        self._left = np.empty((axis_groups.parts * REAL, axis_groups.parts * REAL))
-        inner = np.empty_like(self._left)
+        self._lower_information = np.empty((axis_groups.parts * REAL, axis_groups.parts * REAL))
+        inner = np.empty_like(self._lower_information)
         for first in parts:
             for second in parts:
-                block = self._left_product(first, self._information[max(first, second)][min(first, second)])
-                self._left[_of(first), _of(second)] = block
+                block = self._lower_product(first, self._information[max(first, second)][min(first, second)])
+                self._lower_information[_slice(first), _slice(second)] = block
                 if second <= first:
                     # The lower triangle is enough for the factorisation.
-                    inner[_of(first), _of(second)] = blas.dtrmm(1.0, self._lower[second], block, side=1, lower=1)
+                    inner[_slice(first), _slice(second)] = blas.dtrmm(1.0, self._lower[second], block, side=1, lower=1)
         inner[np.diag_indices(len(inner))] += 1.0
         self._factor, log_determinant = inverse_factor(inner)
         self.log_determinant += log_determinant
 
-    def _left_product(self, part: int, matrix: FloatArray) -> FloatArray:
+    def _lower_product(self, part: int, matrix: FloatArray) -> FloatArray:
         """Return L' times a symmetric matrix."""
         result: FloatArray = blas.dtrmm(1.0, self._lower[part], matrix.T, lower=1, trans_a=1)
         return result
 
     @cached_property
-    def _through(self) -> FloatArray:
+    def _solved_information(self) -> FloatArray:
         """Cholesky factor's inverse of I + L' H L, times L' H."""
-        return lower_product(self._factor, self._left)
+        return lower_product(self._factor, self._lower_information)
 
     def weighted(self, rows: Rows) -> list[FloatArray]:
         unshared_rows = self._by_unshared(rows)
         solved = self._solved(unshared_rows) @ self._factor
-        shared = np.stack([solved[:, _of(part)] @ lower.T for part, lower in enumerate(self._lower)])
+        shared_rows = np.stack([solved[:, _slice(part)] @ lower.T for part, lower in enumerate(self._lower)])
         return [
-            group_rows - np.tensordot(scales, shared, axes=1) @ matrix
+            group_rows - np.tensordot(scales, shared_rows, axes=1) @ matrix
             for group_rows, scales, matrix in zip(
                 unshared_rows, self._axis_groups.scales.T, self._unshared, strict=True
             )
@@ -289,13 +289,13 @@ class _Shared:
 
     def _solved(self, unshared_rows: Sequence[FloatArray]) -> FloatArray:
         """Return rows G s L times the inverse of the Cholesky factor of I + L' H L, (k, parts REAL)."""
-        seen = self._axis_groups.seen(unshared_rows)
-        turned = np.concatenate([part @ lower for part, lower in zip(seen, self._lower, strict=True)], axis=1)
-        return np.asarray(turned @ self._factor.T)
+        part_rows = self._axis_groups.seen(unshared_rows)
+        scaled_rows = np.concatenate([part @ lower for part, lower in zip(part_rows, self._lower, strict=True)], axis=1)
+        return np.asarray(scaled_rows @ self._factor.T)
 
     def inside(self, part: int) -> FloatArray:
-        through = self._through[:, _of(part)]
-        return self._information[part][part] - through.T @ through
+        solved = self._solved_information[:, _slice(part)]
+        return self._information[part][part] - solved.T @ solved
 
 
 def _products(weighted: Sequence[FloatArray], rows: Rows, batches: int) -> FloatArray:
@@ -320,37 +320,37 @@ def inverse_factor(matrix: FloatArray) -> tuple[FloatArray, float]:
     size = len(matrix)
     if size == 0:
         return matrix, 0.0
-    if size <= _LARGE:
+    if size <= _MAX_UNSPLIT_SIZE:
         lower = _cholesky(matrix)
         inverse, _ = lapack.dtrtri(lower, lower=1)
         return inverse, 2.0 * float(np.log(np.diagonal(lower)).sum())
     half = size // 2
     result = np.zeros((size, size))
-    result[:half, :half], first = inverse_factor(matrix[:half, :half])
-    below = matrix[half:, :half] @ result[:half, :half].T
-    result[half:, half:], second = inverse_factor(matrix[half:, half:] - below @ below.T)
-    result[half:, :half] = -result[half:, half:] @ (below @ result[:half, :half])
-    return result, first + second
+    result[:half, :half], first_log = inverse_factor(matrix[:half, :half])
+    corner = matrix[half:, :half] @ result[:half, :half].T
+    result[half:, half:], second_log = inverse_factor(matrix[half:, half:] - corner @ corner.T)
+    result[half:, :half] = -result[half:, half:] @ (corner @ result[:half, :half])
+    return result, first_log + second_log
 
 
 def _inverse(matrix: FloatArray) -> tuple[FloatArray, float]:
     """Return the inverse of a matrix and the logarithm of its determinant; arguments as for `inverse_factor`."""
-    if len(matrix) > _LARGE:
+    if len(matrix) > _MAX_UNSPLIT_SIZE:
         # By the Schur complement of the first half.
         half = len(matrix) // 2
-        below = matrix[half:, :half]
-        first, of_first = _inverse(matrix[:half, :half])
-        along = below @ first
-        second, of_second = _inverse(matrix[half:, half:] - along @ below.T)
-        across = second @ along
-        return np.block([[first + along.T @ across, -across.T], [-across, second]]), of_first + of_second
+        lower_part = matrix[half:, :half]
+        first_inverse, first_log = _inverse(matrix[:half, :half])
+        gain = lower_part @ first_inverse
+        second_inverse, second_log = _inverse(matrix[half:, half:] - gain @ lower_part.T)
+        cross = second_inverse @ gain
+        return np.block([[first_inverse + gain.T @ cross, -cross.T], [-cross, second_inverse]]), first_log + second_log
     if not len(matrix):
         return matrix, 0.0
     lower = _cholesky(matrix)
     log_determinant = 2.0 * float(np.log(np.diagonal(lower)).sum())
     inverse, _ = lapack.dpotri(lower, lower=1, overwrite_c=True)
-    below = np.tril(inverse)
-    result: FloatArray = below + below.T
+    lower_part = np.tril(inverse)
+    result: FloatArray = lower_part + lower_part.T
     result[np.diag_indices(len(result))] *= 0.5
     return result, log_determinant
 
@@ -358,7 +358,7 @@ def _inverse(matrix: FloatArray) -> tuple[FloatArray, float]:
 def lower_product(lower: FloatArray, matrix: FloatArray) -> FloatArray:
     """Return a lower triangle times a matrix."""
     half = len(lower) // 2
-    if len(lower) <= _LARGE:
+    if len(lower) <= _MAX_UNSPLIT_SIZE:
         return lower @ matrix
     return np.concatenate([lower[:half, :half] @ matrix[:half], lower[half:] @ matrix])
 
@@ -374,5 +374,5 @@ def _chosen(matrix: FloatArray, rows: IntArray, columns: IntArray) -> FloatArray
     return matrix if len(rows) == len(columns) == REAL else matrix[np.ix_(rows, columns)]
 
 
-def _of(part: int) -> slice:
+def _slice(part: int) -> slice:
     return slice(part * REAL, (part + 1) * REAL)

@@ -20,17 +20,17 @@ _TRIAL_STEPS: Final = 25
 # Tolerance of a fit from a trial with a large residual, which need not converge fully.
 _ROUGH: Final = 3e-3
 # Logarithm of a state's parameters from which the ring is far from its nominal shape.
-_BENT: Final = 1.5
+_DISTORTION_LIMIT: Final = 1.5
 # Gain of log likelihood that its best start must have: at least a fifth of what a refined one gains, and refined ones
 # that gain 20 promise nothing.
 _WORTH_REFINING: Final = 4.0
 # Starts that two groups choose, and the linear steps that are made from those of an effect with refinements.
 _FINALISTS: Final = 8
-_FOLLOWED: Final = 3
+_FOLLOW_STEPS: Final = 3
 # Number of starts from which the slowest and the fastest group alone choose those that are tried in all.
-_MANY: Final = 16
+_MAX_UNSCREENED_STARTS: Final = 16
 # Fraction of a ring effect's starts that is tried in addition.
-_SMALL: Final = 0.03
+_SMALL_START_SHARE: Final = 0.03
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,25 +77,25 @@ def try_effect(fit: Fit, effect: AngleEffect, shapes: Mapping[int, Shape]) -> Tr
     starts: Sequence[Sequence[float]] = effect.starts(conditions)
     if not isinstance(effect, SignalEffect):
         # The ring responds differently to large and to small changes of its own parameters.
-        starts = (*starts, *(tuple(_SMALL * value for value in start) for start in starts))
+        starts = (*starts, *(tuple(_SMALL_START_SHARE * value for value in start) for start in starts))
     model = ClosureModel(fit.model.campaign, fit.model.core, (*fit.model.effects, effect))
     if effect.refinements:
         starts = _nearest(fit, model, effect, shapes, starts)
-    elif len(starts) > _MANY and len(shapes) > len(few := _extremes(fit, shapes)):
-        trials = sorted(_trials(fit, model, effect, few, starts), key=_promise, reverse=True)
+    elif len(starts) > _MAX_UNSCREENED_STARTS and len(shapes) > len(extremes := _extremes(fit, shapes)):
+        trials = sorted(_trials(fit, model, effect, extremes, starts), key=_promise, reverse=True)
         starts = [trial.start.tolist() for trial in trials[:_FINALISTS]]
     best = max(_trials(fit, model, effect, shapes, starts), key=_promise, default=None)
     if best is None:
         return None
     if effect.scan:
         for index, values in effect.scan:
-            near = best.start.tolist()
-            varied = [(*near[:index], value, *near[index + 1 :]) for value in values]
+            best_start = best.start.tolist()
+            varied = [(*best_start[:index], value, *best_start[index + 1 :]) for value in values]
             best = max([best, *_trials(fit, model, effect, shapes, varied)], key=_promise)
     elif isinstance(effect, SignalEffect) and not effect.linear:
         # A start that is far too large adds curvature, which hides a small effect. The endpoint is therefore tried too.
-        reached = np.clip(best.vector[best.model.layout.effect(effect.name)], *bounds(effect))
-        best = max([best, *_trials(fit, model, effect, shapes, [reached.tolist()])], key=_promise)
+        endpoint = np.clip(best.vector[best.model.layout.effect(effect.name)], *bounds(effect))
+        best = max([best, *_trials(fit, model, effect, shapes, [endpoint.tolist()])], key=_promise)
     return best
 
 
@@ -111,7 +111,7 @@ def followed_trials(fit: Fit, effect: AngleEffect, shapes: Mapping[int, Shape]) 
     model = ClosureModel(fit.model.campaign, fit.model.core, (*fit.model.effects, effect))
     trials = _trials(fit, model, effect, shapes, effect.starts(conditions))
     where = model.layout.effect(effect.name)
-    for _ in range(_FOLLOWED):
+    for _ in range(_FOLLOW_STEPS):
         trials = _trials(
             fit, model, effect, shapes, [np.clip(trial.vector[where], *bounds(effect)).tolist() for trial in trials]
         )
@@ -125,28 +125,28 @@ def _nearest(
 
     The best ones are followed for a few steps, as the promise of a start is that of a linear step from it.
     """
-    few = _extremes(fit, shapes)
-    conditions = tuple(fit.model.campaign.groups[index].conditions for index in few)
+    extremes = _extremes(fit, shapes)
+    conditions = tuple(fit.model.campaign.groups[index].conditions for index in extremes)
     # On a coarser belt, unless something else of the fit answers with the belt: its change would be tried as well.
-    coarse = few
-    if not any(isinstance(other, LocalChange) for other in fit.model.effects):
-        coarse = {
+    coarse_shapes = extremes
+    if not any(isinstance(fitted_effect, LocalChange) for fitted_effect in fit.model.effects):
+        coarse_shapes = {
             index: replace(shape, belt=None if shape.belt is None else shape.belt.coarser())
-            for index, shape in few.items()
+            for index, shape in extremes.items()
         }
-    trials = _trials(fit, model, effect, coarse, starts)
+    trials = _trials(fit, model, effect, coarse_shapes, starts)
     if trials and 0.5 * (fit.cost - min(trial.cost for trial in trials)) < _WORTH_REFINING:
         return [max(trials, key=_promise).start.tolist()]
     for stage in range(effect.refinements if trials else 0):
         best = max(trials, key=_promise)
-        trials += _trials(fit, model, effect, coarse, effect.nearer(stage, best.start.tolist(), conditions))
+        trials += _trials(fit, model, effect, coarse_shapes, effect.nearer(stage, best.start.tolist(), conditions))
     finalists = sorted(trials, key=_promise, reverse=True)[:_FINALISTS]
-    trials = _trials(fit, model, effect, few, [trial.start.tolist() for trial in finalists])
+    trials = _trials(fit, model, effect, extremes, [trial.start.tolist() for trial in finalists])
     where = model.layout.effect(effect.name)
-    for _ in range(_FOLLOWED):
+    for _ in range(_FOLLOW_STEPS):
         trials = sorted(trials, key=_promise, reverse=True)[:_FINALISTS]
-        ends = [np.clip(trial.vector[where], *bounds(effect)).tolist() for trial in trials]
-        trials += _trials(fit, model, effect, few, ends)
+        endpoints = [np.clip(trial.vector[where], *bounds(effect)).tolist() for trial in trials]
+        trials += _trials(fit, model, effect, extremes, endpoints)
     return [max(trials, key=_promise).start.tolist()] if trials else []
 
 
@@ -165,19 +165,19 @@ def _trials(
     fit: Fit, model: ClosureModel, effect: AngleEffect, shapes: Mapping[int, Shape], starts: Sequence[Sequence[float]]
 ) -> list[Trial]:
     """Return the successful trials from these starts."""
-    begun: list[tuple[FloatArray, list[FloatArray]]] = []
+    solved: list[tuple[FloatArray, list[FloatArray]]] = []
     for start in starts:
         rows = _rows_from(fit, model, effect, shapes, np.array(start, dtype=np.float64))
         if rows is not None:
-            begun.append((np.array(start, dtype=np.float64), rows))
-    if not begun:
+            solved.append((np.array(start, dtype=np.float64), rows))
+    if not solved:
         return []
     # All starts go through the inverse covariance together, which takes a fraction of the time of one after the other.
     stacked: list[FloatArray | None] = [None] * len(model.campaign.groups)
     for number, index in enumerate(shapes):
-        stacked[index] = np.concatenate([rows[number] for _, rows in begun])
-    inner, cross = fit.cross_information(stacked, len(begun)), np.split(fit.cross(stacked), len(begun), axis=1)
-    trials = [_trial(fit, model, effect, start, *both) for (start, _), *both in zip(begun, inner, cross, strict=True)]
+        stacked[index] = np.concatenate([rows[number] for _, rows in solved])
+    gram, cross = fit.cross_information(stacked, len(solved)), np.split(fit.cross(stacked), len(solved), axis=1)
+    trials = [_trial(fit, model, effect, start, *pair) for (start, _), *pair in zip(solved, gram, cross, strict=True)]
     return [trial for trial in trials if trial is not None and math.isfinite(trial.cost + trial.promise)]
 
 
@@ -208,18 +208,18 @@ def refit(trial: Trial, data: Whitened) -> Fit:
     vector = start_of(trial)
     mean, _ = trial.model.priors()
     states = trial.model.layout.states
-    if float(np.abs(vector[states] - mean[states]).max()) < _BENT:
+    if float(np.abs(vector[states] - mean[states]).max()) < _DISTORTION_LIMIT:
         return fit_model(trial.model, data, vector, most_steps=_TRIAL_STEPS, rough=_ROUGH)
     # Without the effect the ring was distorted to imitate it, and a linear step does not restore it.
     vector[states] = mean[states]
     return fit_model(trial.model, data, vector, from_afar=True, most_steps=_TRIAL_STEPS, rough=_ROUGH)
 
 
-def _started(fit: Fit, model: ClosureModel, effect: AngleEffect, start: FloatArray) -> FloatArray:
+def _with_start(fit: Fit, model: ClosureModel, effect: AngleEffect, start: FloatArray) -> FloatArray:
     """Return the parameters of a fit with an effect at its start."""
-    there = fit.model.layout.moved(fit.vector, model.layout)
-    there[model.layout.effect(effect.name)] = start
-    return there
+    vector = fit.model.layout.moved(fit.vector, model.layout)
+    vector[model.layout.effect(effect.name)] = start
+    return vector
 
 
 def _rows_from(
@@ -232,11 +232,11 @@ def _rows_from(
     Returns:
         (k + 1, 3, REAL) of each group, None if the model has no solution.
     """
-    there = _started(fit, model, effect, start)
+    vector = _with_start(fit, model, effect, start)
     group_rows = []
     try:
         for index, shape in shapes.items():
-            _, base, derivatives = model.group_derivatives(there, index, effect.name, shape)
+            _, base, derivatives = model.group_derivatives(vector, index, effect.name, shape)
             group_rows.append(as_real(np.concatenate([derivatives, (base - fit.predicted[index])[None]])))
     except (NoShapeError, np.linalg.LinAlgError):
         return None
@@ -244,7 +244,7 @@ def _rows_from(
 
 
 def _trial(
-    fit: Fit, model: ClosureModel, effect: AngleEffect, start: FloatArray, inner: FloatArray, cross: FloatArray
+    fit: Fit, model: ClosureModel, effect: AngleEffect, start: FloatArray, gram: FloatArray, cross: FloatArray
 ) -> Trial | None:
     """Return the linear fit from a start; None if it is singular or the data do not contain the effect's axes.
 
@@ -253,48 +253,48 @@ def _trial(
         model: with it.
         effect: to try.
         start: initial parameters.
-        inner: products of the derivatives and the change of the signal by the start, (k + 1, k + 1).
+        gram: products of the derivatives and the change of the signal by the start, (k + 1, k + 1).
         cross: products of those of the fit and its residual with them, (P + 1, k + 1).
     """
-    if not np.diagonal(inner)[:-1].any():
+    if not np.diagonal(gram)[:-1].any():
         return None
-    there, where = _started(fit, model, effect, start), model.layout.effect(effect.name)
+    vector, where = _with_start(fit, model, effect, start), model.layout.effect(effect.name)
     # From the change of the signal to the residual with the start in place.
-    misfit = fit.residual_product - 2.0 * float(cross[-1, -1]) + float(inner[-1, -1])
-    slope = np.concatenate([fit.slope - cross[:-1, -1], cross[-1, :-1] - inner[:-1, -1]])
-    mean, _ = model.priors(there)
-    prior = model.prior_precision(there)
+    misfit = fit.residual_product - 2.0 * float(cross[-1, -1]) + float(gram[-1, -1])
+    slope = np.concatenate([fit.slope - cross[:-1, -1], cross[-1, :-1] - gram[:-1, -1]])
+    mean, _ = model.priors(vector)
+    prior = model.prior_precision(vector)
     reach = effect.reach(start.tolist())
-    near = np.zeros_like(prior)
+    reach_precision = np.zeros_like(prior)
     if reach is not None:
-        np.fill_diagonal(near[where, where], np.square(np.reciprocal(reach)))
-    old = _places(fit, model)
+        np.fill_diagonal(reach_precision[where, where], np.square(np.reciprocal(reach)))
+    places = _places(fit, model)
     new_places = np.arange(where.start, where.stop)
     # A step beyond its reach would promise what the effect does not keep.
-    matrix = prior + near
+    precision = prior + reach_precision
     # A fit that misses an effect has widened errors, and the effect may be what is missing: its prior stays as it is.
-    matrix[np.ix_(old, old)] += fit.information
-    matrix[np.ix_(old, new_places)] += cross[:-1, :-1]
-    matrix[np.ix_(new_places, old)] += cross[:-1, :-1].T
-    matrix[where, where] += inner[:-1, :-1]
-    away = there - mean
-    gradient = -prior @ away
-    gradient[np.concatenate([old, new_places])] += slope
+    precision[np.ix_(places, places)] += fit.information
+    precision[np.ix_(places, new_places)] += cross[:-1, :-1]
+    precision[np.ix_(new_places, places)] += cross[:-1, :-1].T
+    precision[where, where] += gram[:-1, :-1]
+    deviation = vector - mean
+    gradient = -prior @ deviation
+    gradient[np.concatenate([places, new_places])] += slope
     try:
-        change = np.linalg.solve(matrix, gradient)
-        occam = float(np.linalg.slogdet(matrix)[1] - np.linalg.slogdet(prior + near)[1]) - fit.log_occam
+        step = np.linalg.solve(precision, gradient)
+        occam = float(np.linalg.slogdet(precision)[1] - np.linalg.slogdet(prior + reach_precision)[1]) - fit.log_occam
     except np.linalg.LinAlgError:
         return None
-    cost = misfit + float(away @ prior @ away - change @ gradient)
+    cost = misfit + float(deviation @ prior @ deviation - step @ gradient)
     witness_change = model.witness_deviance() - fit.model.witness_deviance()
     occam += 2.0 * (model.log_choices() - fit.model.log_choices())
-    return Trial(effect, model, start, there + change, cost, 0.5 * (fit.cost - cost - witness_change - occam))
+    return Trial(effect, model, start, vector + step, cost, 0.5 * (fit.cost - cost - witness_change - occam))
 
 
 def _places(fit: Fit, model: ClosureModel) -> IntArray:
     """Return the index of each parameter of a fit in the larger model, (P,)."""
     result = np.arange(fit.model.layout.size)
     for effect in fit.model.effects:
-        where, there = fit.model.layout.effect(effect.name), model.layout.effect(effect.name)
-        result[where] = np.arange(there.start, there.stop)
+        source, target = fit.model.layout.effect(effect.name), model.layout.effect(effect.name)
+        result[source] = np.arange(target.start, target.stop)
     return result

@@ -84,7 +84,7 @@ class Discrepancy:
             residual: real coefficients of each group, (3, REAL).
         """
         amplitudes = np.empty(self.shape)
-        least = (criteria.START_SHARE * self.reference_mps2) ** 2
+        floor = (criteria.START_SHARE * self.reference_mps2) ** 2
         for number, (_, axis, axis_groups) in self.enumerate():
             powers = [0.0]
             for index, scatter in zip(axis_groups.groups, axis_groups.scatters, strict=True):
@@ -92,7 +92,7 @@ class Discrepancy:
                 # Whitened power beyond its expectation, in units of the smallest errors.
                 excess = max(0.0, float(whitened @ whitened) - len(whitened))
                 powers.append(excess / max(float(np.square(scatter.factor).sum()), 1e-300))
-            amplitudes[number] = max(max(powers), least)
+            amplitudes[number] = max(max(powers), floor)
         return amplitudes
 
     def applied(self, amplitudes: FloatArray) -> Applied:
@@ -108,23 +108,23 @@ class Discrepancy:
 
     def thinned(self, share: float) -> Discrepancy:
         """Return the same discrepancy for data with a share of the revolutions."""
-        thin = copy(self)
-        thin._axis_groups = [
+        thinned = copy(self)
+        thinned._axis_groups = [
             (state, axis, axis_groups.thinned(share)) for state, axis, axis_groups in self._axis_groups
         ]
-        return thin
+        return thinned
 
     def concentrated(self, also: Concentration) -> Discrepancy:
         """Return the discrepancy with one more concentration, whose amplitudes are the last."""
-        more = copy(self)
-        more.concentrations = (*self.concentrations, also)
+        extended = copy(self)
+        extended.concentrations = (*self.concentrations, also)
         added = kernel(also)[None]
-        more._axis_groups = [
+        extended._axis_groups = [
             (state, axis, replace(axis_groups, kernels=np.concatenate([axis_groups.kernels, added])))
             for state, axis, axis_groups in self._axis_groups
         ]
-        more.shape = self.shape[0], self.shape[1], self.shape[2] + 1
-        return more
+        extended.shape = self.shape[0], self.shape[1], self.shape[2] + 1
+        return extended
 
     def enumerate(self) -> list[tuple[int, tuple[int, int, AxisGroups]]]:
         """Return the groups of every axis of a state, with their index, state and axis."""
@@ -199,8 +199,8 @@ class Applied:
         """
         means = [np.zeros((_AXES, REAL)) for _ in weighted]
         for (_, (_, axis, axis_groups)), inverse in zip(self.discrepancy.enumerate(), self.inverses, strict=True):
-            seen = axis_groups.seen([weighted[index][axis][None] for index in axis_groups.groups])
-            coefficients = np.stack([prior @ part[0] for prior, part in zip(inverse.priors, seen, strict=True)])
+            part_rows = axis_groups.seen([weighted[index][axis][None] for index in axis_groups.groups])
+            coefficients = np.stack([prior @ part[0] for prior, part in zip(inverse.priors, part_rows, strict=True)])
             for index, scales in zip(axis_groups.groups, axis_groups.scales.T, strict=True):
                 means[index][axis] = scales @ coefficients
         return means
@@ -220,10 +220,10 @@ class Applied:
         for (number, (_, _, axis_groups)), parts in zip(self.discrepancy.enumerate(), answers, strict=True):
             kernels = axis_groups.kernels.reshape(len(axis_groups.kernels), -1)
             for part, (answer, information) in enumerate(parts):
-                data = kernels @ np.outer(answer, answer).ravel()
+                squares = kernels @ np.outer(answer, answer).ravel()
                 trace = kernels @ information.ravel()
-                better = np.clip(data / np.where(trace > 0.0, trace, 1.0), 1e-6, 1e6)
-                amplitudes[number, part] *= np.where(trace > 0.0, better, 1.0)
+                ratio = np.clip(squares / np.where(trace > 0.0, trace, 1.0), 1e-6, 1e6)
+                amplitudes[number, part] *= np.where(trace > 0.0, ratio, 1.0)
         return self._with(amplitudes)
 
     def limit(self, first: FloatArray, second: FloatArray) -> Applied:
@@ -231,8 +231,8 @@ class Applied:
 
         The logarithm of an amplitude steps by less each time, in a ratio that counts as at most _LARGEST_RATIO.
         """
-        before, last = np.log(second / first), np.log(self.amplitudes / second)
-        ratio = np.clip(np.divide(last, before, out=np.zeros_like(last), where=before != 0.0), 0.0, _LARGEST_RATIO)
+        earlier, last = np.log(second / first), np.log(self.amplitudes / second)
+        ratio = np.clip(np.divide(last, earlier, out=np.zeros_like(last), where=earlier != 0.0), 0.0, _LARGEST_RATIO)
         return self._with(self.amplitudes * np.clip(np.exp(last * ratio / (1.0 - ratio)), 1e-6, 1e6))
 
     def _with(self, amplitudes: FloatArray) -> Applied:
@@ -243,8 +243,8 @@ class Applied:
         floor = (criteria.LEAST_SHARE * self.discrepancy.reference_mps2) ** 2
         applied = Applied(self.discrepancy, np.maximum(amplitudes, floor))
         applied.__dict__["inverses"] = tuple(
-            inverse if np.array_equal(now, was) else inverse_of(axis_groups, now)
-            for (_, (*_, axis_groups)), inverse, now, was in zip(
+            inverse if np.array_equal(new, old) else inverse_of(axis_groups, new)
+            for (_, (*_, axis_groups)), inverse, new, old in zip(
                 self.discrepancy.enumerate(), self.inverses, applied.amplitudes, self.amplitudes, strict=True
             )
         )
@@ -262,22 +262,22 @@ class Applied:
         Returns:
             for every axis of a state and part, (REAL,) and (REAL, REAL).
         """
-        spread = np.linalg.inv(precision)
+        covariance = np.linalg.inv(precision)
         by_axis = []
         for number, (_, axis, axis_groups) in self.discrepancy.enumerate():
             parts = []
-            for part, through in enumerate(
+            for part, part_rows in enumerate(
                 axis_groups.seen([weighted[index][:, axis] for index in axis_groups.groups])
             ):
-                rows, answer = through[:-1], through[-1]
-                parts.append((answer, self.inverses[number].inside(part) - rows.T @ (spread @ rows)))
+                rows, answer = part_rows[:-1], part_rows[-1]
+                parts.append((answer, self.inverses[number].inside(part) - rows.T @ (covariance @ rows)))
             by_axis.append(parts)
         return by_axis
 
 
 def _rows_of(rows: Rows, axis_groups: AxisGroups, axis: int) -> list[FloatArray | None] | None:
     """Return the rows (k, REAL) of an axis's groups, None for zeros; None if no group of it has any."""
-    given = [
+    axis_rows = [
         None if (row := rows[index]) is None or not row[:, axis].any() else row[:, axis] for index in axis_groups.groups
     ]
-    return None if all(row is None for row in given) else given
+    return None if all(row is None for row in axis_rows) else axis_rows

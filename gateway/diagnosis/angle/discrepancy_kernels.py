@@ -19,8 +19,8 @@ which it rings all around the wheel."""
 
 def _from_places() -> FloatArray:
     """Return the matrix from a curve at PLACES to its real coefficients; a coefficient is c - i s."""
-    turned = np.outer(np.arange(REAL // 2 + 1), PLACES)
-    matrix = np.vstack([np.cos(turned), -np.sin(turned[1:])]) / REAL
+    phases_rad = np.outer(np.arange(REAL // 2 + 1), PLACES)
+    matrix = np.vstack([np.cos(phases_rad), -np.sin(phases_rad[1:])]) / REAL
     matrix[0] /= 2.0
     return matrix
 
@@ -40,8 +40,8 @@ class OrderLine:
 
     def curves(self) -> FloatArray:
         """Return curves at PLACES whose sum with independent normal weights has the kernel, (2 REAL, 2)."""
-        turned = self.order * PLACES
-        return np.stack([np.cos(turned), np.sin(turned)], axis=1)
+        phases_rad = self.order * PLACES
+        return np.stack([np.cos(phases_rad), np.sin(phases_rad)], axis=1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,9 +58,9 @@ class OrderBand:
 
     def curves(self) -> FloatArray:
         """Return curves at PLACES whose sum with independent normal weights has the kernel, (2 REAL, 2 orders)."""
-        turned = np.outer(PLACES, np.arange(self.first, self.last + 1))
-        both: FloatArray = np.concatenate([np.cos(turned), np.sin(turned)], axis=1)
-        return both / math.sqrt(turned.shape[1])
+        phases_rad = np.outer(PLACES, np.arange(self.first, self.last + 1))
+        waves: FloatArray = np.concatenate([np.cos(phases_rad), np.sin(phases_rad)], axis=1)
+        return waves / math.sqrt(phases_rad.shape[1])
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,25 +87,25 @@ Concentration: TypeAlias = OrderLine | OrderBand | Burst
 
 def concentrations() -> tuple[Concentration, ...]:
     """Return all concentrations that a discrepancy may have."""
-    every: list[Concentration] = [OrderLine(order) for order in range(1, REAL // 2 + 1)]
+    all_concentrations: list[Concentration] = [OrderLine(order) for order in range(1, REAL // 2 + 1)]
     highest = REAL // 2
     for first, following in itertools.pairwise((*criteria.BANDS_FROM, highest + 1)):
-        every += [OrderBand(first, last) for last in sorted({following - 1, highest})]
+        all_concentrations += [OrderBand(first, last) for last in sorted({following - 1, highest})]
     step_rad = 2.0 * math.pi / REAL
     for width in criteria.BURST_WIDTHS_RAD:
         places = range(0, 2 * REAL, 2 * max(1, round(width / step_rad)))
         lengths = (length for length in (criteria.BLOW_RAD, *criteria.LENGTHS_RAD) if length <= width + step_rad)
-        every += [Burst(centre, width, length) for length in lengths for centre in places]
-    return tuple(every)
+        all_concentrations += [Burst(centre, width, length) for length in lengths for centre in places]
+    return tuple(all_concentrations)
 
 
 @lru_cache(maxsize=32)
 def smooth_kernels(half_angle_rad: float, lengths_rad: tuple[float, ...]) -> FloatArray:
     """Return kernels of unit power of curves near the contact and away from it, (2 lengths, REAL, REAL)."""
-    beyond = np.clip((np.abs(ANGLES) - half_angle_rad - criteria.NEAR_RAD) / criteria.FADE_RAD, 0.0, 1.0)
-    near = np.cos(0.5 * math.pi * beyond)
+    fade = np.clip((np.abs(ANGLES) - half_angle_rad - criteria.NEAR_RAD) / criteria.FADE_RAD, 0.0, 1.0)
+    near_window = np.cos(0.5 * math.pi * fade)
     stacked = []
-    for window in (near, np.sin(0.5 * math.pi * beyond)):
+    for window in (near_window, np.sin(0.5 * math.pi * fade)):
         for length in lengths_rad:
             field = _windowed(ANGLES, window, length)
             field /= max(float(np.square(window).mean()), 1e-12)
@@ -124,8 +124,8 @@ def kernel(concentration: Concentration) -> FloatArray:
 
 def _windowed(angles: FloatArray, window: FloatArray, length_rad: float) -> FloatArray:
     """Return the covariance at angles (n,) of a curve of one correlation length in a window (n,), (n, n)."""
-    away = 1.0 - np.cos(angles[:, None] - angles[None, :])
-    field: FloatArray = np.outer(window, window) * np.exp(-away / length_rad**2)
+    versines = 1.0 - np.cos(angles[:, None] - angles[None, :])
+    field: FloatArray = np.outer(window, window) * np.exp(-versines / length_rad**2)
     return field
 
 
@@ -135,8 +135,8 @@ def _centred(width_rad: float, length_rad: float) -> FloatArray:
     window = np.exp(-0.5 * np.square((PLACES - PLACES[REAL]) / width_rad))
     values, vectors = np.linalg.eigh(_windowed(PLACES, window, length_rad))
     visible = values > 1e-6 * values[-1]
-    every: FloatArray = vectors[:, visible] * np.sqrt(values[visible])
-    _, sizes, combinations = np.linalg.svd(FROM_PLACES @ every, full_matrices=False)
-    curves: FloatArray = every @ combinations[sizes > 1e-3 * sizes[0]].T
+    components: FloatArray = vectors[:, visible] * np.sqrt(values[visible])
+    _, sizes, combinations = np.linalg.svd(FROM_PLACES @ components, full_matrices=False)
+    curves: FloatArray = components @ combinations[sizes > 1e-3 * sizes[0]].T
     curves.setflags(write=False)
     return curves

@@ -19,23 +19,23 @@ from gateway.diagnosis.model.closure_model import ClosureModel
 
 _MAX_STEPS: Final = 100
 # Most steps that are tried, and the shares of the one before that a shorter one is.
-_TRIED: Final = 6
-_LEAST_SHARE: Final = 0.1
-_MOST_SHARE: Final = 0.5
+_MAX_TRIAL_STEPS: Final = 6
+_MIN_STEP_SHARE: Final = 0.1
+_MAX_STEP_SHARE: Final = 0.5
 _FIXED_SHARE: Final = 0.4
 _SMALLEST: Final = 1e-300
 # Decrease of the cost below which a fit has converged: far below what decides between two sets of effects.
-_DONE: Final = 0.02
+_CONVERGED_DECREASE: Final = 0.02
 # Largest step of a state's logarithms.
-_REACH: Final = 0.5
+_MAX_STATE_STEP: Final = 0.5
 # Without a discrepancy a model that does not describe the data overstates its information, so errors are widened by
 # the misfit per degree of freedom. The factor is updated until the misfit decreases by less than this.
 _RESCALINGS: Final = 6
-_SETTLED: Final = 0.9
+_SETTLED_RATIO: Final = 0.9
 # Shares of the signal by which the errors of the data are widened when a fit starts far off, and the share of the
 # misfit that a step must gain there: each of these fits is only the start of the next one.
-_ANNEAL: Final = (3e-2, 3e-3, 3e-4)
-_ANNEALED: Final = 3e-3
+_ANNEALING_SHARES: Final = (3e-2, 3e-3, 3e-4)
+_MIN_GAIN: Final = 3e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,8 +173,8 @@ class Fit:
     @property
     def cost(self) -> float:
         """Chi-square of data and priors."""
-        away = self.vector - self.prior_mean
-        return self.residual_product + float(away @ self.prior_precision @ away)
+        deviation = self.vector - self.prior_mean
+        return self.residual_product + float(deviation @ self.prior_precision @ deviation)
 
     @cached_property
     def precision(self) -> FloatArray:
@@ -217,10 +217,10 @@ class Fit:
         """
         self.model.refine(self.vector)
         predicted = tuple(self.model.predict_mean(self.vector, index) for index in range(len(self.predicted)))
-        if all(np.array_equal(now, was) for now, was in zip(predicted, self.predicted, strict=True)):
+        if all(np.array_equal(new, old) for new, old in zip(predicted, self.predicted, strict=True)):
             return self
         residual = tuple(
-            left + as_real(was - now) for left, was, now in zip(self.residual, self.predicted, predicted, strict=True)
+            error + as_real(old - new) for error, old, new in zip(self.residual, self.predicted, predicted, strict=True)
         )
         return replace(self, predicted=predicted, residual=residual)
 
@@ -230,13 +230,13 @@ class Fit:
             group_residual - np.tensordot(change, row, axes=1)
             for row, group_residual in zip(self.rows, self.residual, strict=True)
         )
-        there = replace(self, vector=self.vector + change, residual=residual)
+        moved_fit = replace(self, vector=self.vector + change, residual=residual)
         # Products of the residual follow from those of the derivatives.
-        turn = np.eye(len(change) + 1)
-        turn[-1, :-1] = -change
-        there.__dict__["weighted"] = [np.tensordot(turn, rows, axes=1) for rows in self.weighted]
-        there.__dict__["_gram"] = turn @ self._gram @ turn.T
-        return there
+        transform = np.eye(len(change) + 1)
+        transform[-1, :-1] = -change
+        moved_fit.__dict__["weighted"] = [np.tensordot(transform, rows, axes=1) for rows in self.weighted]
+        moved_fit.__dict__["_gram"] = transform @ self._gram @ transform.T
+        return moved_fit
 
 
 def weighted(data: Whitened, rows: Rows, applied: Applied | None) -> list[FloatArray]:
@@ -272,7 +272,7 @@ def fit_model(
     from_afar: bool = False,
     most_steps: int = _MAX_STEPS,
     rough: float = 0.0,
-    done: float = _DONE,
+    done: float = _CONVERGED_DECREASE,
 ) -> Fit:
     """Return the fit of a model.
 
@@ -303,19 +303,19 @@ def fit_model(
                 model.refine(vector)
             fit = linearised(model, data, vector)
         if from_afar:
-            for share in _ANNEAL:
-                fit = _descend(fit.weighed(data.loosened(share), 1.0, None), steps, lambda fit: _ANNEALED * fit.misfit)
+            for share in _ANNEALING_SHARES:
+                fit = _descend(fit.weighed(data.loosened(share), 1.0, None), steps, lambda fit: _MIN_GAIN * fit.misfit)
             fit = fit.refined()
         if applied is not None:
             return _descend(fit.weighed(data, 1.0, applied), steps, lambda _: done)
         fit = fit.weighed(data, 1.0, None)
         scale = _overdispersion(fit.misfit, data, model)
         for _ in range(_RESCALINGS):
-            was = scale
+            previous_scale = scale
             fit = _descend(fit.weighed(data, scale, None), steps, least_gain)
             scale = _overdispersion(fit.misfit, data, model)
             fit = fit.refined()
-            if scale > _SETTLED * was or steps.none:
+            if scale > _SETTLED_RATIO * previous_scale or steps.none:
                 break
         return _descend(fit.weighed(data, scale, None), steps, least_gain)
     except (NoShapeError, np.linalg.LinAlgError) as error:
@@ -372,23 +372,23 @@ def _descend(fit: Fit, steps: _Steps, least_gain: Callable[[Fit], float]) -> Fit
     model, data = fit.model, fit.data
     while not steps.none:
         steps.take()
-        done = least_gain(fit)
+        min_decrease = least_gain(fit)
         change = fit.step
-        if float(change @ fit.precision @ change) < done:
+        if float(change @ fit.precision @ change) < min_decrease:
             break
         states = model.layout.states
-        change = change / max(1.0, float(np.abs(change[states]).max()) / _REACH)
-        moved = _better(fit, data, change, done)
-        if moved is None:
+        change = change / max(1.0, float(np.abs(change[states]).max()) / _MAX_STATE_STEP)
+        vector = _line_search(fit, data, change, min_decrease)
+        if vector is None:
             break
-        gained = fit.cost
-        fit = linearised(model, data, moved, scale=fit.scale, applied=fit.applied)
-        if gained - fit.cost < done:
+        previous_cost = fit.cost
+        fit = linearised(model, data, vector, scale=fit.scale, applied=fit.applied)
+        if previous_cost - fit.cost < min_decrease:
             break
     return fit
 
 
-def _better(fit: Fit, data: Whitened, change: FloatArray, done: float) -> FloatArray | None:
+def _line_search(fit: Fit, data: Whitened, change: FloatArray, min_decrease: float) -> FloatArray | None:
     """Return the parameters after a full or partial step that improves the fit; None if none does.
 
     A partial step ends where the parabola through the cost, its slope at the start and its value at the end of the step
@@ -398,36 +398,36 @@ def _better(fit: Fit, data: Whitened, change: FloatArray, done: float) -> FloatA
         fit: where the step begins.
         data: whitened.
         change: the step, at most to the optimum of the linearised model.
-        done: decrease of the cost that is not worth a step, by which the fit would end.
+        min_decrease: decrease of the cost that is not worth a step, by which the fit would end.
     """
     gradient = fit.slope - fit.prior_precision @ (fit.vector - fit.prior_mean)
     jumps = any(isinstance(effect, SignalEffect) and effect.jumps for effect in fit.model.effects)
-    pinned, share = False, 1.0
-    secant: float | None = None
-    for _ in range(_TRIED):
-        moved: FloatArray = fit.vector + change
+    is_bounded, step_share = False, 1.0
+    secant_rise: float | None = None
+    for _ in range(_MAX_TRIAL_STEPS):
+        vector: FloatArray = fit.vector + change
         try:
-            cost = _misfit(fit.model, data, moved, fit.applied) / fit.scale
+            cost = _misfit(fit.model, data, vector, fit.applied) / fit.scale
         except (NoShapeError, np.linalg.LinAlgError):
             # A shorter step for all would end before a bound that only one of them meets.
-            change, pinned = (0.25 * change if pinned else _step_inside(fit, change)), True
-            secant = None
+            change, is_bounded = (0.25 * change if is_bounded else _step_inside(fit, change)), True
+            secant_rise = None
             continue
-        away = moved - fit.prior_mean
-        rise = cost + float(away @ fit.prior_precision @ away) - fit.cost
+        deviation = vector - fit.prior_mean
+        rise = cost + float(deviation @ fit.prior_precision @ deviation) - fit.cost
         if rise < 0.0:
-            return moved
+            return vector
         if jumps:
-            share = _FIXED_SHARE
+            step_share = _FIXED_SHARE
         else:
-            if secant is not None and rise * (1.0 - share) > share * (secant - rise):
+            if secant_rise is not None and rise * (1.0 - step_share) > step_share * (secant_rise - rise):
                 # Rises over the step, extrapolated to its start: at a kink the cost grows there, unlike its slope.
                 break
             fall = 2.0 * float(change @ gradient)
-            share = min(max(0.5 * fall / max(rise + fall, _SMALLEST), _LEAST_SHARE), _MOST_SHARE)
-            secant = share * rise
-        change = share * change
-        if float(2.0 * (change @ gradient) - change @ fit.precision @ change) < done:
+            step_share = min(max(0.5 * fall / max(rise + fall, _SMALLEST), _MIN_STEP_SHARE), _MAX_STEP_SHARE)
+            secant_rise = step_share * rise
+        change = step_share * change
+        if float(2.0 * (change @ gradient) - change @ fit.precision @ change) < min_decrease:
             break
     return None
 
@@ -438,17 +438,17 @@ def _step_inside(fit: Fit, change: FloatArray) -> FloatArray:
     for effect in fit.model.effects:
         if isinstance(effect, RingEffect):
             where = layout.effect(effect.name)
-            bound[where] = np.clip(bound[where], *np.array([(each.low, each.high) for each in effect.parameters]).T)
-    inside = bound - fit.vector
-    held = inside != change
-    if not held.any():
+            bound[where] = np.clip(bound[where], *np.array([(limit.low, limit.high) for limit in effect.parameters]).T)
+    step = bound - fit.vector
+    fixed = step != change
+    if not fixed.any():
         return 0.25 * change
-    gradient = fit.slope - fit.prior_precision @ (fit.vector - fit.prior_mean) - fit.precision[:, held] @ inside[held]
-    free = ~held
-    inside[free] = np.linalg.solve(fit.precision[np.ix_(free, free)], gradient[free])
+    gradient = fit.slope - fit.prior_precision @ (fit.vector - fit.prior_mean) - fit.precision[:, fixed] @ step[fixed]
+    free = ~fixed
+    step[free] = np.linalg.solve(fit.precision[np.ix_(free, free)], gradient[free])
     states = layout.states
-    inside[free] /= max(1.0, float(np.abs(inside[states]).max()) / _REACH)
-    return np.asarray(inside)
+    step[free] /= max(1.0, float(np.abs(step[states]).max()) / _MAX_STATE_STEP)
+    return np.asarray(step)
 
 
 def _misfit(model: ClosureModel, data: Whitened, vector: FloatArray, applied: Applied | None) -> float:

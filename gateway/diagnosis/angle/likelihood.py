@@ -24,12 +24,12 @@ REAL: Final = 2 * ORDERS - 1
 # Errors of resampling, rounding and the solver's grid beyond noise: a share of the order's own size, and a thirtieth of
 # it of R omega^2. Because of them the held-out error of a recording without effects is slightly below the noise floor.
 _OWN_SHARE: Final = 3e-5
-_FLAT: Final = 1.0 / 30.0
+_FLAT_SHARE: Final = 1.0 / 30.0
 # Number of orders over which the spectrum is smoothed before a share is applied.
-_SMOOTHED: Final = 5
+_SMOOTHING_ORDERS: Final = 5
 # Blocks from which their scatter is compared with that of revolutions, and the least ratio of the two.
-_LEAST_BLOCKS: Final = 3
-_LEAST_DEPENDENCE: Final = 0.5
+_MIN_BLOCKS: Final = 3
+_MIN_DEPENDENCE: Final = 0.5
 _ORDER: Final[FloatArray] = np.arange(ORDERS, dtype=np.float64)
 
 ANGLES: Final[FloatArray] = -np.pi + 2.0 * np.pi / REAL * np.arange(REAL, dtype=np.float64)
@@ -38,8 +38,8 @@ ANGLES: Final[FloatArray] = -np.pi + 2.0 * np.pi / REAL * np.arange(REAL, dtype=
 
 def _to_field() -> FloatArray:
     """Return the matrix from the real coefficients to the curve at ANGLES; a coefficient is c - i s."""
-    turned = np.outer(ANGLES, _ORDER)
-    return np.asarray(np.hstack([np.cos(turned), -np.sin(turned[:, 1:])]), dtype=np.float64)
+    phases_rad = np.outer(ANGLES, _ORDER)
+    return np.asarray(np.hstack([np.cos(phases_rad), -np.sin(phases_rad[:, 1:])]), dtype=np.float64)
 
 
 TO_FIELD: Final[FloatArray] = _to_field()
@@ -112,13 +112,13 @@ class Whitened:
         factors = []
         for orders, factor in zip(self.orders, self.factors, strict=True):
             error = share * float(np.abs(orders).max())
-            loose = []
-            for axis in factor:
-                plain = np.zeros_like(axis)
-                chosen = np.flatnonzero(axis.any(axis=0))
-                plain[np.arange(len(axis)), chosen] = 1.0 / error
-                loose.append(plain)
-            factors.append(tuple(loose))
+            loose_factors = []
+            for axis_factor in factor:
+                loose_factor = np.zeros_like(axis_factor)
+                chosen = np.flatnonzero(axis_factor.any(axis=0))
+                loose_factor[np.arange(len(axis_factor)), chosen] = 1.0 / error
+                loose_factors.append(loose_factor)
+            factors.append(tuple(loose_factors))
         return replace(self, factors=tuple(factors))
 
     def by_edges(self, group: int, weighted: FloatArray, share: float = 1.0) -> ComplexArray:
@@ -135,8 +135,8 @@ class Whitened:
 
     def mean(self, group: int, values: ComplexArray) -> ComplexArray:
         """Return the mean (3, ORDERS) of the blocks' values (blocks, 3, ORDERS) over revolutions."""
-        share = self.counts[group] / self.counts[group].sum()
-        result: ComplexArray = np.tensordot(share, values, axes=1)
+        weights = self.counts[group] / self.counts[group].sum()
+        result: ComplexArray = np.tensordot(weights, values, axes=1)
         return result
 
 
@@ -212,19 +212,19 @@ def _factor(
     chosen = np.flatnonzero(np.concatenate([present, present[1:]]))
     if not len(chosen):
         return np.zeros((0, REAL))
-    spread = np.concatenate([variance, variance[1:]])
-    least = np.concatenate([floor, floor[1:]])
+    scatter_variance = np.concatenate([variance, variance[1:]])
+    floor_variance = np.concatenate([floor, floor[1:]])
     result = np.zeros((len(chosen), REAL))
     if profile is None and not len(errors):
-        result[np.arange(len(chosen)), chosen] = (spread + least)[chosen] ** -0.5
+        result[np.arange(len(chosen)), chosen] = (scatter_variance + floor_variance)[chosen] ** -0.5
         return result
-    covariance = np.diag(spread)
+    covariance = np.diag(scatter_variance)
     if profile is not None:
         angle = -np.pi + 2.0 * np.pi / PROFILE_SIZE * np.arange(PROFILE_SIZE + 1)
-        root = np.interp(ANGLES, angle, np.sqrt(np.append(profile, profile[0])))
-        placed = FROM_FIELD @ (root[:, None] * TO_FIELD)
-        covariance = (placed * spread) @ placed.T
-    covariance += np.diag(least) + errors.T @ errors
+        profile_root = np.interp(ANGLES, angle, np.sqrt(np.append(profile, profile[0])))
+        root_matrix = FROM_FIELD @ (profile_root[:, None] * TO_FIELD)
+        covariance = (root_matrix * scatter_variance) @ root_matrix.T
+    covariance += np.diag(floor_variance) + errors.T @ errors
     lower = cholesky(covariance[np.ix_(chosen, chosen)], lower=True)
     result[:, chosen] = solve_triangular(lower, np.eye(len(chosen)), lower=True)
     return result
@@ -234,10 +234,10 @@ def _floor(group: Group, share: float) -> FloatArray:
     """Return the variance of errors that are a share of each order, (3, ORDERS)."""
     conditions = group.conditions
     size = np.nan_to_num(np.abs(np.stack([block.orders_mps2 for block in group.blocks]))).mean(axis=0)
-    kernel = np.ones(_SMOOTHED) / _SMOOTHED
+    kernel = np.ones(_SMOOTHING_ORDERS) / _SMOOTHING_ORDERS
     smooth = np.stack([np.convolve(np.square(row), kernel, mode="same") for row in size])
-    steady = conditions.radius_m * conditions.omega_radps**2
-    result: FloatArray = share**2 * (smooth + (_FLAT * steady) ** 2)
+    centripetal = conditions.radius_m * conditions.omega_radps**2
+    result: FloatArray = share**2 * (smooth + (_FLAT_SHARE * centripetal) ** 2)
     return result
 
 
@@ -247,23 +247,23 @@ def _dependence(group: Group) -> FloatArray:
     Below 1 where errors of neighbouring revolutions cancel, as those of a contact's timing, which ends one revolution
     and begins the next.
     """
-    if len(group.blocks) < _LEAST_BLOCKS:
+    if len(group.blocks) < _MIN_BLOCKS:
         return np.ones((3, 1))
     data = np.stack([block.orders_mps2 for block in group.blocks])
     counts = np.array([block.count for block in group.blocks], dtype=np.float64)
     # Orders 2 and up in proportion to omega^2: what drifts of load and speed change is no scatter.
-    square = np.array([block.conditions.omega_radps**2 for block in group.blocks])
-    data = data * (group.conditions.omega_radps**2 / square)[:, None, None]
+    omega_squared = np.array([block.conditions.omega_radps**2 for block in group.blocks])
+    data = data * (group.conditions.omega_radps**2 / omega_squared)[:, None, None]
     mean = np.tensordot(counts / counts.sum(), data, axes=1)
-    between = np.abs(data - mean)[..., 2:] ** 2 * counts[:, None, None]
+    deviation_squares = np.abs(data - mean)[..., 2:] ** 2 * counts[:, None, None]
     freedom = 2 * (len(counts) - 1)
     with np.errstate(invalid="ignore", divide="ignore"):
-        ratio = between.sum(axis=0) / (freedom * group.variance[:, 2:])
+        ratio = deviation_squares.sum(axis=0) / (freedom * group.variance[:, 2:])
     result = np.ones((3, 1))
     for axis in range(3):
         finite = ratio[axis][np.isfinite(ratio[axis])]
         if len(finite):
             # The median is robust; that of a chi-square is below its mean.
             expected = 2.0 * float(gammaincinv(0.5 * freedom, 0.5))
-            result[axis] = max(_LEAST_DEPENDENCE, float(np.median(finite)) * freedom / expected)
+            result[axis] = max(_MIN_DEPENDENCE, float(np.median(finite)) * freedom / expected)
     return result

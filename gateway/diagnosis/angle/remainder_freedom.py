@@ -25,7 +25,7 @@ def remainder_covariance(fit: Fit, data: Whitened) -> FloatArray:
     """Return the covariance of the parameters by what the fit leaves beyond noise, (P, P)."""
     size = len(fit.vector)
     residuals = group_residuals(fit, data)
-    moves = []
+    slopes = []
     for axis in range(3):
         for first, last in itertools.pairwise(_OCTAVES):
             excess = sum(float(residual.excess()[axis, first:last].sum()) for residual in residuals)
@@ -33,17 +33,17 @@ def remainder_covariance(fit: Fit, data: Whitened) -> FloatArray:
             if not excess > 0.0:
                 continue
             # The share of the power that is not noise.
-            share = np.sqrt(excess / (excess + noise))
-            for turn in (1.0, 1j):
+            amplitude_share = np.sqrt(excess / (excess + noise))
+            for phase in (1.0, 1j):
                 slope = np.zeros(size)
                 for rows, residual in zip(fit.weighted, residuals, strict=True):
                     band = np.zeros((3, ORDERS), dtype=np.complex128)
-                    band[axis, first:last] = share * turn * residual.orders_mps2[axis, first:last]
+                    band[axis, first:last] = amplitude_share * phase * residual.orders_mps2[axis, first:last]
                     slope += rows[:-1].reshape(size, -1) @ as_real(band).reshape(-1)
-                moves.append(slope * np.sqrt(0.5 if first else 1.0))
-    if not moves:
+                slopes.append(slope * np.sqrt(0.5 if first else 1.0))
+    if not slopes:
         return np.zeros((size, size))
-    steps = np.linalg.solve(fit.precision, np.stack(moves, axis=1))
+    steps = np.linalg.solve(fit.precision, np.stack(slopes, axis=1))
     result: FloatArray = steps @ steps.T
     return result
 

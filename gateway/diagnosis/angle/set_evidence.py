@@ -25,13 +25,13 @@ _NO_DATA: Final = 1e-9
 # Most steps of the amplitudes, those that show their limit, and the change of log evidence at which they end.
 _STEPS: Final = 15
 _STEPS_TO_LIMIT: Final = 2
-_SETTLED: Final = 0.03
+_LOG_TOLERANCE: Final = 0.03
 # Most rounds until all rest, the change of a parameter over its error at which it does, that of log evidence at which
 # the amplitudes do, and the rounds of no higher evidence after which no rest is to come.
-_MOST_ROUNDS: Final = 20
-_AT_REST: Final = 0.02
-_AMPLITUDES_AT_REST: Final = 1e-3
-_MOST_FALLS: Final = 3
+_MAX_ROUNDS: Final = 20
+_CONVERGED_CHANGE: Final = 0.02
+_AMPLITUDE_TOLERANCE: Final = 1e-3
+_MAX_FALLS: Final = 3
 # Steps of the parameters with the discrepancy in: it moves them by little. Most rounds of them, for those that it moves
 # by more, and the predicted decrease of the cost up to which the last step is taken without a fit.
 _FIT_STEPS: Final = 6
@@ -86,15 +86,15 @@ def evaluate(
     """
     applied = discrepancy.applied(discrepancy.start(fit.residual)) if near is None else near
     if near is not None:
-        fit, applied = _settled(fit, applied, 1)
-        rough = log_evidence(fit.moved(_limited(fit)))
-        if rough < enough:
+        fit, applied = _fit_amplitudes(fit, applied, 1)
+        rough_evidence = log_evidence(fit.moved(_limited(fit)))
+        if rough_evidence < enough:
             return evaluated_at(fit.moved(_limited(fit)))
-    fit, applied = _settled(fit, applied, _STEPS)
+    fit, applied = _fit_amplitudes(fit, applied, _STEPS)
     for _ in range(_FIT_ROUNDS):
-        start = _inside(fit.vector + _limited(fit), fit)
+        start = _clipped(fit.vector + _limited(fit), fit)
         fit = fit_model(fit.model, data, start, applied=applied, most_steps=_FIT_STEPS, done=_UNTAKEN_DECREASE)
-        fit, applied = _settled(fit, applied, _STEPS)
+        fit, applied = _fit_amplitudes(fit, applied, _STEPS)
         if _predicted_decrease(fit) < _UNTAKEN_DECREASE:
             return evaluated_at(fit.moved(_limited(fit)))
     # A fit that does not follow its own steps, as at a kink, has the evidence that it has.
@@ -120,20 +120,20 @@ def settled(evaluated: Evaluated, data: Whitened) -> Evaluated:
     highest: tuple[float, Fit] = (-math.inf, fit)
     falls = 0
     try:
-        for number in range(_MOST_ROUNDS):
-            before = fit.vector
-            inside = _inside(before, fit)
+        for number in range(_MAX_ROUNDS):
+            previous = fit.vector
+            clipped = _clipped(previous, fit)
             # The first fit is moved, with derivatives of where it came from.
-            still = number and np.array_equal(inside, before)
-            fit = fit_model(fit.model, data, fit if still else inside, applied=applied, done=_AT_REST**2)
-            fit, applied = _settled(fit, applied, _MOST_ROUNDS, _AMPLITUDES_AT_REST)
+            is_unmoved = number and np.array_equal(clipped, previous)
+            fit = fit_model(fit.model, data, fit if is_unmoved else clipped, applied=applied, done=_CONVERGED_CHANGE**2)
+            fit, applied = _fit_amplitudes(fit, applied, _MAX_ROUNDS, _AMPLITUDE_TOLERANCE)
             # The first fit is that under the amplitudes as they were.
-            if number and _in_errors(fit, fit.vector - before) < _AT_REST:
+            if number and _in_errors(fit, fit.vector - previous) < _CONVERGED_CHANGE:
                 return evaluated_at(fit)
             evidence = log_evidence(fit)
             falls += evidence <= highest[0]
-            highest = max(highest, (evidence, fit), key=lambda each: each[0])
-            if falls == _MOST_FALLS:
+            highest = max(highest, (evidence, fit), key=lambda entry: entry[0])
+            if falls == _MAX_FALLS:
                 break
     except (FitFailedError, np.linalg.LinAlgError):
         return evaluated
@@ -150,14 +150,14 @@ def evaluated_at(fit: Fit) -> Evaluated:
 
     Where the ring has no shape at them, the fit that is kept has every effect in its range.
     """
-    inside = _inside(fit.vector, fit)
+    clipped = _clipped(fit.vector, fit)
     usable = fit
-    if not np.array_equal(inside, fit.vector):
+    if not np.array_equal(clipped, fit.vector):
         try:
             for index in range(len(fit.model.campaign.groups)):
                 fit.model.shape(fit.vector, index)
         except NoShapeError:
-            usable = fit.moved(inside - fit.vector)
+            usable = fit.moved(clipped - fit.vector)
     return Evaluated(
         names_of(fit), usable, log_evidence(fit), impossible(fit), log_prior_odds(fit.model), _by_lateral_axis(fit)
     )
@@ -186,14 +186,14 @@ def _by_lateral_axis(fit: Fit) -> float:
     """
     if fit.applied is None:
         raise ValueError("the evidence of a set needs its discrepancy")
-    added = fit.gram_of([LATERAL])
-    rest = fit.precision - added[:-1, :-1]
-    occam = fit.log_occam + float(np.linalg.slogdet(fit.prior_precision)[1] - np.linalg.slogdet(rest)[1])
-    away = fit.vector - fit.prior_mean
+    lateral_gram = fit.gram_of([LATERAL])
+    plane_precision = fit.precision - lateral_gram[:-1, :-1]
+    occam = fit.log_occam + float(np.linalg.slogdet(fit.prior_precision)[1] - np.linalg.slogdet(plane_precision)[1])
+    deviation = fit.vector - fit.prior_mean
     total = np.diagonal(fit.information)
-    share = np.where(total > 0.0, np.diagonal(added)[:-1] / np.where(total > 0.0, total, 1.0), 0.0)
-    prior = float(share @ (away * (fit.prior_precision @ away)))
-    return -0.5 * (float(added[-1, -1]) + prior + float(fit.applied.log_determinants[LATERAL]) + occam)
+    lateral_share = np.where(total > 0.0, np.diagonal(lateral_gram)[:-1] / np.where(total > 0.0, total, 1.0), 0.0)
+    prior = float(lateral_share @ (deviation * (fit.prior_precision @ deviation)))
+    return -0.5 * (float(lateral_gram[-1, -1]) + prior + float(fit.applied.log_determinants[LATERAL]) + occam)
 
 
 def log_prior_odds(model: ClosureModel) -> float:
@@ -241,25 +241,25 @@ def impossible(fit: Fit) -> tuple[tuple[str, Reason], ...]:
     return tuple((name, reason) for name, reason in reasons if reason is not None)
 
 
-def _settled(fit: Fit, applied: Applied, steps: int, done: float = _SETTLED) -> tuple[Fit, Applied]:
+def _fit_amplitudes(fit: Fit, applied: Applied, steps: int, tolerance: float = _LOG_TOLERANCE) -> tuple[Fit, Applied]:
     """Return the fit under the amplitudes of the highest evidence, each time at the optimum of the linear model."""
     fit = fit.under(applied)
-    was, stepped = -math.inf, applied
-    path: list[FloatArray] = []
+    previous, stepped = -math.inf, applied
+    amplitude_path: list[FloatArray] = []
     for number in range(1, steps + 1):
-        there = fit.moved(_limited(fit))
-        now = log_evidence(there)
-        if now < was and applied is not stepped:  # the limit was too far
+        optimum = fit.moved(_limited(fit))
+        evidence = log_evidence(optimum)
+        if evidence < previous and applied is not stepped:  # the limit was too far
             applied = stepped
-        elif abs(now - was) < done:
+        elif abs(evidence - previous) < tolerance:
             break
         else:
-            was = now
-            path.append(applied.amplitudes)
-            applied = stepped = applied.improved(there.weighted, there.precision)
-            if len(path) == _STEPS_TO_LIMIT and number < steps:
-                applied = stepped.limit(*path)
-                path.clear()
+            previous = evidence
+            amplitude_path.append(applied.amplitudes)
+            applied = stepped = applied.improved(optimum.weighted, optimum.precision)
+            if len(amplitude_path) == _STEPS_TO_LIMIT and number < steps:
+                applied = stepped.limit(*amplitude_path)
+                amplitude_path.clear()
         fit = fit.under(applied)
     return fit, applied
 
@@ -271,7 +271,7 @@ def _limited(fit: Fit) -> FloatArray:
     return step * min(1.0, 0.2 / max(largest, 1e-12))
 
 
-def _inside(vector: FloatArray, fit: Fit) -> FloatArray:
+def _clipped(vector: FloatArray, fit: Fit) -> FloatArray:
     """Return a vector with every effect in its range: the ring has no solution beyond."""
     result = vector.copy()
     for effect in fit.model.effects:

@@ -34,8 +34,8 @@ def beyond_range(parameters: Sequence[Parameter], values: FloatArray, errors: Fl
         errors: standard errors, (P,).
     """
     for parameter, value, error in zip(parameters, values.tolist(), errors.tolist(), strict=True):
-        slack = criteria.BEYOND_BOUND * error
-        if not parameter.low - slack <= value <= parameter.high + slack:
+        tolerance = criteria.BEYOND_BOUND * error
+        if not parameter.low - tolerance <= value <= parameter.high + tolerance:
             return outside_range(parameter, value)
     return None
 
@@ -60,8 +60,8 @@ def parameters_over_sets(
     values, variances = shown
     total = sum(weight for _, weight in sets)
     if total > 0.0:
-        far = [weight / total * (variance + np.square(there - values)) for (there, variance), weight in sets]
-        variances = np.sum(far, axis=0)
+        spreads = [weight / total * (variance + np.square(estimate - values)) for (estimate, variance), weight in sets]
+        variances = np.sum(spreads, axis=0)
     return {
         parameter.name: fitted_parameter(parameter, float(value), math.sqrt(max(float(variance), 0.0)), gain_std)
         for parameter, value, variance in zip(parameters, values, variances, strict=True)
@@ -77,9 +77,9 @@ def fitted_parameter(parameter: Parameter, value: float, std: float, gain_std: f
         std: standard error by the data.
         gain_std: relative standard error of the sensor's gain, a part of the error of what goes with it.
     """
-    shown = parameter.factor, parameter.display_unit, parameter.inverse_display
+    display = parameter.factor, parameter.display_unit, parameter.inverse_display
     by_gain = gain_std * value if parameter.by_gain else 0.0
     by_equation = math.hypot(parameter.equation_share * value, parameter.equation_std)
     std = math.hypot(std, parameter.shared_std or 0.0, by_gain, by_equation)
     # A whole number is tried, not fitted: it has no error.
-    return Fitted(value, 0.0 if parameter.whole else std, parameter.unit, *shown)
+    return Fitted(value, 0.0 if parameter.whole else std, parameter.unit, *display)

@@ -118,7 +118,7 @@ class PosteriorOver(Generic[SetT]):
             weighted = [
                 (effect_set, weight * share if name in effect_set.names else weight) for effect_set, weight in weighted
             ]
-            weighted += [(effect_set, total * share * each) for effect_set, each in zip(others, odds, strict=True)]
+            weighted += [(effect_set, total * share * ratio) for effect_set, ratio in zip(others, odds, strict=True)]
         weighted = [(effect_set, weight) for effect_set, weight in weighted if weight > _NEGLIGIBLE]
         total = sum(weight for _, weight in weighted)
         return tuple((effect_set, weight / total) for effect_set, weight in weighted)
@@ -133,23 +133,23 @@ class PosteriorOver(Generic[SetT]):
         Args:
             causes: names that may be in a group; None for all.
         """
-        named = frozenset(self.identified())
+        identified = frozenset(self.identified())
         # An effect that lacks little has rivals that are rare.
-        least = 1.0 - criteria.NAMED
+        threshold = 1.0 - criteria.NAMED
         remaining = [
             name
             for name in self.names
-            if name not in named and (causes is None or name in causes) and self.probability([name]) >= least
+            if name not in identified and (causes is None or name in causes) and self.probability([name]) >= threshold
         ]
         groups: list[tuple[str, ...]] = []
         while remaining and self.probability([remaining[0]]) >= criteria.LISTED:
             group = [remaining.pop(0)]
             while self.probability(group) < criteria.NAMED and remaining:
-                most = max(remaining, key=lambda name: (self.probability([*group, name]), name))
-                if self.probability([*group, most]) - self.probability(group) < least / 2.0:
+                candidate = max(remaining, key=lambda name: (self.probability([*group, name]), name))
+                if self.probability([*group, candidate]) - self.probability(group) < threshold / 2.0:
                     break
-                group.append(most)
-                remaining.remove(most)
+                group.append(candidate)
+                remaining.remove(candidate)
             if len(group) > 1 and self.probability(group) >= criteria.NAMED:
                 groups.append(tuple(group))
         return tuple(groups)
@@ -207,9 +207,9 @@ def _shares(logs: Mapping[Names, float]) -> dict[Names, float]:
 
 
 def _probability(
-    every: Mapping[Names, Weighed], masses: Mapping[Names, float], possible: Mapping[Names, float], wanted: Names
+    sets: Mapping[Names, Weighed], masses: Mapping[Names, float], possible: Mapping[Names, float], queried: Names
 ) -> float:
     """Return the smaller probability of those over all sets and over the possible ones."""
-    in_all = sum(mass for names, mass in masses.items() if counted(every[names]) & wanted)
-    in_possible = sum(mass for names, mass in possible.items() if names & wanted)
+    in_all = sum(mass for names, mass in masses.items() if counted(sets[names]) & queried)
+    in_possible = sum(mass for names, mass in possible.items() if names & queried)
     return min(1.0, in_all, in_possible)

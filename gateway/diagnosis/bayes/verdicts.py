@@ -11,7 +11,7 @@ from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.result import Verdict
 
 # Impossible effects listed.
-_MOST_LISTED: Final = 4
+_MAX_LISTED: Final = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ def judgements(posterior: PosteriorOver[SetT], causes: Container[str] | None = N
     for group in posterior.alternatives(causes):
         judged |= set(group)
         for name in group:
-            rivals = tuple(other for other in group if other != name)
+            rivals = tuple(rival for rival in group if rival != name)
             yield Judgement(name, Verdict.INDISTINGUISHABLE, posterior.with_effect(name), rivals)
     for name in posterior.names:
         probability = posterior.probability([name])
@@ -56,13 +56,13 @@ def judgements(posterior: PosteriorOver[SetT], causes: Container[str] | None = N
             judged.add(name)
             reason = Reason(DiagnosisCode.PROBABILITY_TOO_LOW, probability=probability, needed=criteria.NAMED)
             yield Judgement(name, Verdict.REFUSED, posterior.with_effect(name), reason=reason)
-    better = sorted(
+    impossible_sets = sorted(
         (effect_set for effect_set in posterior.every.values() if effect_set.objections),
         key=lambda effect_set: (-effect_set.log_evidence, sorted(effect_set.names)),
     )
     listed = 0
-    for effect_set in better:
-        if effect_set.log_evidence < posterior.best.log_evidence or listed >= _MOST_LISTED:
+    for effect_set in impossible_sets:
+        if effect_set.log_evidence < posterior.best.log_evidence or listed >= _MAX_LISTED:
             return
         for name, reason in effect_set.objections:
             if name not in judged:

@@ -55,9 +55,9 @@ def opposite_pair(campaign: Campaign) -> tuple[int, int] | None:
     numbers, opposite = _opposites(campaign)
     if _opposite_lateral(campaign):
         return None
-    for number, against in zip(numbers, opposite, strict=True):
-        if against.any():
-            return number, numbers[int(np.argmax(against))]
+    for number, is_opposite in zip(numbers, opposite, strict=True):
+        if is_opposite.any():
+            return number, numbers[int(np.argmax(is_opposite))]
     return None
 
 
@@ -70,21 +70,21 @@ def unlike_contacts_of(campaign: Campaign) -> dict[int, Reason]:
         np.array([group.conditions.omega_radps for group in groups]),
         np.array([group.half_angle_rad for group in groups]),
     ):
-        contacts = [{groups[index].recording for index in alike} for alike in labelled]
-        every = set().union(*contacts)
-        most = max(range(len(contacts)), key=lambda number: len(contacts[number]))
-        if 2 * len(contacts[most]) <= len(every):
+        contacts = [{groups[index].recording for index in indices} for indices in labelled]
+        all_recordings = set().union(*contacts)
+        majority = max(range(len(contacts)), key=lambda number: len(contacts[number]))
+        if 2 * len(contacts[majority]) <= len(all_recordings):
             continue
-        usual_rad = float(np.median([groups[index].half_angle_rad for index in labelled[most]]))
-        for number, alike in enumerate(labelled):
-            for index in alike if number != most else ():
+        majority_rad = float(np.median([groups[index].half_angle_rad for index in labelled[majority]]))
+        for number, indices in enumerate(labelled):
+            for index in indices if number != majority else ():
                 group = groups[index]
-                if group.recording not in contacts[most]:
+                if group.recording not in contacts[majority]:
                     reasons[group.recording] = Reason(
                         DiagnosisCode.CONTACT_UNLIKE_OTHERS,
                         angle_rad=group.half_angle_rad,
-                        other_rad=usual_rad,
-                        count=len(contacts[most]),
+                        other_rad=majority_rad,
+                        count=len(contacts[majority]),
                     )
     return reasons
 
@@ -100,18 +100,18 @@ def unlike_loads(campaign: Campaign, estimates: Mapping[str, Fitted]) -> dict[in
     recordings: dict[int, set[int]] = {}
     for group in campaign.groups:
         recordings.setdefault(group.state, set()).add(group.recording)
-    every = set().union(*recordings.values())
-    odd: dict[int, tuple[float, int]] = {}
+    all_recordings = set().union(*recordings.values())
+    outvoted: dict[int, tuple[float, int]] = {}
     for state, width in widths.items():
-        against = [other for other, other_width in widths.items() if contradict(width, other_width)]
-        others = set().union(*(recordings[other] for other in against))
-        if 2 * len(others) > len(every):
-            odd[state] = float(np.median([widths[other].value for other in against])), len(others)
-    usual = set().union(*(state_recordings for state, state_recordings in recordings.items() if state not in odd))
+        rivals = [rival for rival, rival_width in widths.items() if contradict(width, rival_width)]
+        others = set().union(*(recordings[rival] for rival in rivals))
+        if 2 * len(others) > len(all_recordings):
+            outvoted[state] = float(np.median([widths[rival].value for rival in rivals])), len(others)
+    sound = set().union(*(state_recordings for state, state_recordings in recordings.items() if state not in outvoted))
     return {
-        number: Reason(DiagnosisCode.WIDTH_UNLIKE_OTHERS, value=widths[state].value, other=other, count=count)
-        for state, (other, count) in odd.items()
-        for number in recordings[state] - usual
+        number: Reason(DiagnosisCode.WIDTH_UNLIKE_OTHERS, value=widths[state].value, other=median, count=count)
+        for state, (median, count) in outvoted.items()
+        for number in recordings[state] - sound
     }
 
 
@@ -123,9 +123,9 @@ def _widths(groups: Sequence[Group], estimates: Mapping[str, Fitted]) -> dict[in
         tire_state = TireState(group.conditions.load_n, group.conditions.pressure_pa)
         if group.state not in widths and tire_state in by_state:
             widths[group.state] = by_state[tire_state]
-    rest = {group.state for group in groups} - widths.keys()
-    if None in by_state and len(rest) == 1:
-        widths[rest.pop()] = by_state[None]
+    unassigned = {group.state for group in groups} - widths.keys()
+    if None in by_state and len(unassigned) == 1:
+        widths[unassigned.pop()] = by_state[None]
     return widths
 
 
@@ -146,9 +146,9 @@ def _opposite_lateral(campaign: Campaign) -> dict[int, Reason]:
     """Return the recordings whose lateral waveform is the opposite of that of most others."""
     numbers, opposite = _opposites(campaign)
     return {
-        number: Reason(DiagnosisCode.LATERAL_OPPOSITE_TO_OTHERS, count=int(against.sum()))
-        for number, against in zip(numbers, opposite, strict=True)
-        if 2 * int(against.sum()) > len(numbers)
+        number: Reason(DiagnosisCode.LATERAL_OPPOSITE_TO_OTHERS, count=int(is_opposite.sum()))
+        for number, is_opposite in zip(numbers, opposite, strict=True)
+        if 2 * int(is_opposite.sum()) > len(numbers)
     }
 
 

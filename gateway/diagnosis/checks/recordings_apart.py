@@ -51,14 +51,14 @@ def recordings_apart(campaign: Campaign, core: Core) -> list[Apart]:
         recordings = sorted({group.recording for group in campaign.groups if group.state == state})
         if len(recordings) < 2:
             continue
-        numbers = {number: _alone(campaign, core, state, number) for number in recordings}
-        pairs = [apart for pair in combinations(recordings, 2) for apart in _between(state, pair, numbers)]
+        numbers = {number: _single_numbers(campaign, core, state, number) for number in recordings}
+        pairs = [conflict for pair in combinations(recordings, 2) for conflict in _conflicts(state, pair, numbers)]
         if pairs:
-            farthest.append(max(pairs, key=lambda apart: (_errors(apart), apart.low_recording, apart.high_recording)))
+            farthest.append(max(pairs, key=lambda pair: (_errors(pair), pair.low_recording, pair.high_recording)))
     return farthest
 
 
-def _alone(campaign: Campaign, core: Core, state: int, recording: int) -> dict[str, Fitted]:
+def _single_numbers(campaign: Campaign, core: Core, state: int, recording: int) -> dict[str, Fitted]:
     """Return the numbers of one recording in one state, none where it cannot be fitted."""
     groups = tuple(
         replace(group, state=0) for group in campaign.groups if group.state == state and group.recording == recording
@@ -72,7 +72,7 @@ def _alone(campaign: Campaign, core: Core, state: int, recording: int) -> dict[s
     return {name: estimate for name, estimate in estimates_of([(fit, 1.0)])[0].items() if name in RING_NUMBERS}
 
 
-def _between(state: int, pair: Sequence[int], numbers: dict[int, dict[str, Fitted]]) -> Iterator[Apart]:
+def _conflicts(state: int, pair: Sequence[int], numbers: dict[int, dict[str, Fitted]]) -> Iterator[Apart]:
     """Yield the numbers by which two recordings contradict each other."""
     first, second = pair
     for name in numbers[first].keys() & numbers[second].keys():
@@ -84,5 +84,5 @@ def _between(state: int, pair: Sequence[int], numbers: dict[int, dict[str, Fitte
             yield Apart(state, numbers[low][name], numbers[high][name], low, high)
 
 
-def _errors(apart: Apart) -> float:
-    return (apart.high.value - apart.low.value) / math.hypot(apart.high.std, apart.low.std)
+def _errors(pair: Apart) -> float:
+    return (pair.high.value - pair.low.value) / math.hypot(pair.high.std, pair.low.std)

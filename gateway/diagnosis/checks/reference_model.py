@@ -49,23 +49,23 @@ def on_exact_ring(fit: Fit) -> OnExactRing | None:
         return None
     possible = candidates(BaselineModel.EXACT)
     core = make_core(BaselineModel.EXACT)
-    there = ClosureModel(model.campaign, core, tuple(effect for effect in model.effects if effect.name in possible))
-    vector, _ = there.priors()
-    for effect in there.effects:
-        vector[there.layout.effect(effect.name)] = fit.vector[model.layout.effect(effect.name)]
+    reference = ClosureModel(model.campaign, core, tuple(effect for effect in model.effects if effect.name in possible))
+    vector, _ = reference.priors()
+    for effect in reference.effects:
+        vector[reference.layout.effect(effect.name)] = fit.vector[model.layout.effect(effect.name)]
     data = whiten(model.campaign, core)
     concentrations = () if fit.applied is None else fit.applied.discrepancy.concentrations
     discrepancy = Discrepancy(model.campaign, data, concentrations=concentrations)
     try:
-        exact = evaluate(fit_model(there, data, vector, from_afar=True), data, discrepancy, None)
+        exact = evaluate(fit_model(reference, data, vector, from_afar=True), data, discrepancy, None)
     except FitFailedError:
         return None
     estimates, _ = estimates_of([(exact.fit, 1.0)])
-    layout = there.layout
-    parameters = {ring_effect.name: exact.fit.vector[layout.effect(ring_effect.name)] for ring_effect in there.effects}
+    layout = reference.layout
+    parameters = {effect.name: exact.fit.vector[layout.effect(effect.name)] for effect in reference.effects}
     # What fits worse than the series and the noise says nothing about the effects.
     fits = exact.fit.misfit / data.size < criteria.FITS_AS_WELL * max(1.0, fit.misfit / fit.data.size)
-    sizes = {ring_effect.name: _size_chi2(exact.fit, ring_effect) for ring_effect in there.effects} if fits else {}
+    sizes = {effect.name: _size_chi2(exact.fit, effect) for effect in reference.effects} if fits else {}
     absent = {name: chi2 for name, chi2 in sizes.items() if chi2 < criteria.AT_NOTHING}
     return OnExactRing(estimates, parameters, absent)
 
@@ -75,6 +75,6 @@ def _size_chi2(fit: Fit, effect: AngleEffect) -> float:
     sizes = [index for index, parameter in enumerate(effect.parameters) if parameter.prior_mean == 0.0]
     if not sizes:
         return math.inf
-    where = np.arange(len(fit.vector))[fit.model.layout.effect(effect.name)][sizes]
-    values = fit.vector[where]
-    return float(values @ np.linalg.solve(fit.covariance[np.ix_(where, where)], values))
+    indices = np.arange(len(fit.vector))[fit.model.layout.effect(effect.name)][sizes]
+    values = fit.vector[indices]
+    return float(values @ np.linalg.solve(fit.covariance[np.ix_(indices, indices)], values))

@@ -27,7 +27,7 @@ def turned_round(fit: Fit, data: Whitened) -> list[int]:
         data: whitened.
     """
     groups = fit.model.campaign.groups
-    turned = []
+    reversed_recordings = []
     for recording in sorted({group.recording for group in groups}):
         product = square = measured_square = used = 0.0
         for index in (index for index, group in enumerate(groups) if group.recording == recording):
@@ -43,5 +43,5 @@ def turned_round(fit: Fit, data: Whitened) -> list[int]:
         share = product / square
         std = math.sqrt(max(1.0, (measured_square - share * product) / used) / square)
         if share < _OPPOSITE and share < -_CERTAIN * std:
-            turned.append(recording)
-    return turned
+            reversed_recordings.append(recording)
+    return reversed_recordings

@@ -230,13 +230,13 @@ def diagnose(
             on_progress=on_progress,
         )
     diagnosis = _by_command(diagnosis)
-    say = SummaryOutput((json_path, html_path, effects_path))
-    on_terminal = (sys.stderr if say.err else sys.stdout).isatty()
+    summary = SummaryOutput((json_path, html_path, effects_path))
+    on_terminal = (sys.stderr if summary.err else sys.stdout).isatty()
     columns = shutil.get_terminal_size().columns if on_terminal else 0
     for line in closure_summary_lines(diagnosis, columns, has_all_notes=not on_terminal):
-        say(clean(line))
+        summary(clean(line))
     _write(
-        say,
+        summary,
         (json_path, partial(write_json, diagnosis, force=force)),
         (html_path, partial(write_html, diagnosis, force=force)),
         (effects_path, partial(_save_effects, diagnosis, force=force)),
@@ -308,23 +308,23 @@ def _report_transfer(
     from gateway.diagnosis.views.html import write_html
     from gateway.diagnosis.views.transfer_report import transfer_json, transfer_lines
 
-    say = SummaryOutput((json_path, html_path))
+    summary = SummaryOutput((json_path, html_path))
     for line in transfer_lines(result, str(known_path)):
-        say(clean(line))
+        summary(clean(line))
     assert result.report is not None
     text = json_text(transfer_json(result), indent=2) + "\n"
     _write(
-        say,
+        summary,
         (json_path, lambda path: write_whole(path, text, force=force)),
         (html_path, partial(write_html, _by_command(result.report), force=force)),
     )
 
 
-def _write(say: SummaryOutput, *outputs: tuple[Path | None, Callable[[Path], str | None]]) -> None:
+def _write(summary: SummaryOutput, *outputs: tuple[Path | None, Callable[[Path], str | None]]) -> None:
     """Write all files, even if one of them fails, so that minutes of work are not lost.
 
     Args:
-        say: ends the summary.
+        summary: ends the summary.
         outputs: path of each, None where it is not wanted, and what writes it and returns a remark on it.
 
     Raises:
@@ -335,14 +335,14 @@ def _write(say: SummaryOutput, *outputs: tuple[Path | None, Callable[[Path], str
         if path is None:
             continue
         try:
-            say.written(path, write(path) or "")
+            summary.written(path, write(path) or "")
         except TreadlinkError as error:
             failed.append(error)
-    for other in failed[1:]:
-        click.echo(clean(f"{other}. {other.remedy}"), err=True)
+    for failure in failed[1:]:
+        click.echo(clean(f"{failure}. {failure.remedy}"), err=True)
     if failed:
         raise failed[0]
-    say.finish()
+    summary.finish()
 
 
 def _save_effects(diagnosis: Diagnosis, path: Path, *, force: bool) -> str:

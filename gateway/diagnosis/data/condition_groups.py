@@ -25,7 +25,7 @@ _SPEED_DISTANCE_LN: Final = 0.2
 # Ratio of speeds, loads or pressures from which recordings can test each other.
 _TESTING_RATIO: Final = 1.05
 # Difference of temperatures that counts as much as that of speeds.
-_WARMER_K: Final = 10.0
+_TEMPERATURE_SCALE_K: Final = 10.0
 
 
 def modes(values: FloatArray, width: float) -> IntArray:
@@ -99,8 +99,8 @@ def tire_states(
 def unlike_contacts(state: IntArray, omega_radps: FloatArray, half_angle_rad: FloatArray) -> list[tuple[int, int]]:
     """Return pairs of groups of one state whose contacts contradict it, the shortest and the longest of each state."""
     pairs: dict[int, tuple[int, int]] = {}
-    for labelled in contact_groups(state, omega_radps, half_angle_rad):
-        places = np.concatenate(labelled)
+    for contact_sets in contact_groups(state, omega_radps, half_angle_rad):
+        places = np.concatenate(contact_sets)
         angles = half_angle_rad[places]
         pairs.setdefault(int(state[places[0]]), (int(places[np.argmin(angles)]), int(places[np.argmax(angles)])))
     return list(pairs.values())
@@ -112,14 +112,14 @@ def contact_groups(state: IntArray, omega_radps: FloatArray, half_angle_rad: Flo
     Groups whose contacts differ by more than 8 % would not be taken for one state if their loads were not stated: a
     load of one of them differs by 12 %, or the tire. Only speeds within a tenth are compared, as edges move with speed.
     """
-    for each in np.unique(state).tolist():
-        members = np.flatnonzero((state == each) & np.isfinite(half_angle_rad))
+    for tire_state in np.unique(state).tolist():
+        members = np.flatnonzero((state == tire_state) & np.isfinite(half_angle_rad))
         speeds = modes(np.log(omega_radps[members]), _CONTACT_SPEED_WIDTH)
         for speed in np.unique(speeds).tolist():
-            alike_speed = members[speeds == speed]
-            angles = modes(np.log(half_angle_rad[alike_speed]), _ANGLE_WIDTH)
+            same_speed = members[speeds == speed]
+            angles = modes(np.log(half_angle_rad[same_speed]), _ANGLE_WIDTH)
             if angles.max() > 0:
-                yield [alike_speed[angles == label] for label in np.unique(angles).tolist()]
+                yield [same_speed[angles == label] for label in np.unique(angles).tolist()]
 
 
 def most_informative(
@@ -136,18 +136,18 @@ def most_informative(
         count: (n,) revolutions.
         most: groups.
     """
-    taken = [
+    selected = [
         int(members[np.argmax(count[members])])
-        for members in (np.flatnonzero(recording == each) for each in np.unique(recording))
+        for members in (np.flatnonzero(recording == number) for number in np.unique(recording))
     ]
     speed = np.log(omega_radps)
-    while len(taken) < min(most, len(count)):
-        away = np.abs(speed[:, None] - speed[taken])
-        away[state[:, None] != state[taken]] = np.inf
-        score = count * np.minimum(1.0, away.min(axis=1) / _SPEED_DISTANCE_LN)
-        score[taken] = -1.0
-        taken.append(int(np.argmax(score)))
-    return np.array(sorted(taken), dtype=np.intp)
+    while len(selected) < min(most, len(count)):
+        distances = np.abs(speed[:, None] - speed[selected])
+        distances[state[:, None] != state[selected]] = np.inf
+        score = count * np.minimum(1.0, distances.min(axis=1) / _SPEED_DISTANCE_LN)
+        score[selected] = -1.0
+        selected.append(int(np.argmax(score)))
+    return np.array(sorted(selected), dtype=np.intp)
 
 
 def far_apart(places: IntArray, conditions: Sequence[GroupConditions], most: int) -> IntArray:
@@ -161,18 +161,18 @@ def far_apart(places: IntArray, conditions: Sequence[GroupConditions], most: int
     if len(places) <= most:
         return places
     candidates = [conditions[index] for index in places.tolist()]
-    log = (
+    log_conditions = (
         np.log([[condition.omega_radps, condition.load_n, condition.pressure_pa] for condition in candidates])
         / _SPEED_DISTANCE_LN
     )
-    warmth = np.nan_to_num([condition.temperature_degc for condition in candidates]) / _WARMER_K
-    features = np.column_stack((log, warmth, [float(condition.reverse) for condition in candidates]))
-    taken = [0]
-    while len(taken) < most:
-        away = np.abs(features[:, None] - features[taken]).sum(axis=2).min(axis=1)
-        away[taken] = -1.0
-        taken.append(int(np.argmax(away)))
-    return np.sort(places[taken])
+    temperature = np.nan_to_num([condition.temperature_degc for condition in candidates]) / _TEMPERATURE_SCALE_K
+    features = np.column_stack((log_conditions, temperature, [float(condition.reverse) for condition in candidates]))
+    selected = [0]
+    while len(selected) < most:
+        distances = np.abs(features[:, None] - features[selected]).sum(axis=2).min(axis=1)
+        distances[selected] = -1.0
+        selected.append(int(np.argmax(distances)))
+    return np.sort(places[selected])
 
 
 def folded(count: int, folds: int) -> list[slice]:
@@ -190,17 +190,17 @@ def _split(group: IntArray, labels: IntArray) -> list[IntArray]:
 def has_other_conditions(groups: Sequence[Group], recording: int) -> bool:
     """Return whether a recording has a speed, load or pressure that no other one has."""
 
-    def apart(first: float, second: float) -> bool:
+    def differ(first: float, second: float) -> bool:
         return max(first, second) > _TESTING_RATIO * min(first, second)
 
     of_recording = [group.conditions for group in groups if group.recording == recording]
-    others = [group.conditions for group in groups if group.recording != recording]
-    return bool(others) and any(
+    references = [group.conditions for group in groups if group.recording != recording]
+    return bool(references) and any(
         all(
-            apart(condition.omega_radps, there.omega_radps)
-            or apart(condition.load_n, there.load_n)
-            or apart(condition.pressure_pa, there.pressure_pa)
-            for there in others
+            differ(condition.omega_radps, reference.omega_radps)
+            or differ(condition.load_n, reference.load_n)
+            or differ(condition.pressure_pa, reference.pressure_pa)
+            for reference in references
         )
         for condition in of_recording
     )

@@ -27,16 +27,16 @@ _MIN_AT_CHANGING_SPEED: Final = 12
 _STEADY: Final = 1e-3
 # The same shapes are fitted away from the contact. This bounds the amplitude that all other causes produce. Causes
 # fixed in space contribute more at some angles than at others.
-_ELSEWHERE_RAD: Final = tuple(math.pi + away for away in (-1.0, -0.5, 0.0, 0.5, 1.0))
+_ELSEWHERE_RAD: Final = tuple(math.pi + offset_rad for offset_rad in (-1.0, -0.5, 0.0, 0.5, 1.0))
 # Decrease of the deviance from which revolutions are corrected.
-_EVIDENT: Final = 25.0
+_EVIDENT_CHI2: Final = 25.0
 _POINTS: Final = 512
 _FINER: Final = 2
 _SPLINE: Final = 5
-_AT_A_TIME: Final = 128
-_BENDS: Final = 4
+_BATCH_SIZE: Final = 128
+_FIXED_POINT_ROUNDS: Final = 4
 # Number of periods in the running mean that periods are compared with.
-_OVER: Final = 9
+_MEAN_PERIODS: Final = 9
 _THETA: Final[FloatArray] = -math.pi + (2.0 * math.pi / _POINTS) * np.arange(_POINTS, dtype=np.float64)
 _ORDER: Final[FloatArray] = np.arange(ORDERS, dtype=np.float64)
 _SIGNS: Final[FloatArray] = np.where(np.arange(ORDERS) % 2, -1.0, 1.0)
@@ -72,15 +72,15 @@ class Edges:
             mean_mps2: (3, ORDERS) mean of the corrected revolutions.
             index: (n,) running numbers of the revolutions.
         """
-        follows = np.flatnonzero(np.diff(index) == 1)
-        if len(follows) < _MIN_REVOLUTIONS or not self.evident:
+        adjacent = np.flatnonzero(np.diff(index) == 1)
+        if len(adjacent) < _MIN_REVOLUTIONS or not self.evident:
             return np.empty((0, *mean_mps2.shape), dtype=np.complex128)
         # Both edges of one contact: the leading one ends a revolution, the trailing one begins the next.
         leading, trailing = slice(0, TERMS, 2), slice(1, TERMS, 2)
-        contacts = np.empty((len(follows), TERMS))
+        contacts = np.empty((len(adjacent), TERMS))
         contacts[:, leading], contacts[:, trailing] = (
-            self.early_rad[follows, leading],
-            self.early_rad[follows + 1, trailing],
+            self.early_rad[adjacent, leading],
+            self.early_rad[adjacent + 1, trailing],
         )
         values, vectors = np.linalg.eigh(np.cov(contacts.T) / len(self.early_rad))
         present = np.isfinite(mean_mps2)
@@ -100,18 +100,18 @@ def bent_back(waveforms: FloatArray, theta_rad: FloatArray, early_rad: FloatArra
         half_angle_rad: of the contact.
     """
     points = len(theta_rad)
-    near = np.flatnonzero(np.abs(theta_rad) < half_angle_rad + 1.2 * EDGE_REACH_RAD)
+    contact = np.flatnonzero(np.abs(theta_rad) < half_angle_rad + 1.2 * EDGE_REACH_RAD)
     result = waveforms.copy()
     for revolution in np.flatnonzero(early_rad.any(axis=1)).tolist():
         # s(theta) = measured(phi) with phi + early window(phi) = theta.
-        angle_rad = theta_rad[near]
-        for _ in range(_BENDS):
-            angle_rad = theta_rad[near] - early_rad[revolution] @ CONTACT_EDGE_JITTER.windows(angle_rad, half_angle_rad)
-        index = ((angle_rad - theta_rad[0]) * (_FINER * points / (2.0 * math.pi)))[None]
+        phi_rad = theta_rad[contact]
+        for _ in range(_FIXED_POINT_ROUNDS):
+            phi_rad = theta_rad[contact] - early_rad[revolution] @ CONTACT_EDGE_JITTER.windows(phi_rad, half_angle_rad)
+        index = ((phi_rad - theta_rad[0]) * (_FINER * points / (2.0 * math.pi)))[None]
         fine = np.fft.irfft(_FINER * np.fft.rfft(waveforms[revolution].astype(np.float64)), n=_FINER * points)
         spline = spline_filter1d(fine.reshape(-1, _FINER * points), order=_SPLINE, mode="grid-wrap")
         rows = [map_coordinates(row, index, order=_SPLINE, mode="grid-wrap", prefilter=False) for row in spline]
-        result[revolution][..., near] = np.reshape(rows, (*result[revolution].shape[:-1], len(near)))
+        result[revolution][..., contact] = np.reshape(rows, (*result[revolution].shape[:-1], len(contact)))
     return result
 
 
@@ -119,8 +119,8 @@ def orders_bent_back(orders_mps2: ComplexArray, early_rad: FloatArray, half_angl
     """Return order coefficients (n, 3, ORDERS) of `bent_back` waveforms; NaN stays."""
     present = np.isfinite(orders_mps2)
     result = orders_mps2.astype(np.complex128)
-    for begin in range(0, len(orders_mps2), _AT_A_TIME):
-        part = slice(begin, begin + _AT_A_TIME)
+    for begin in range(0, len(orders_mps2), _BATCH_SIZE):
+        part = slice(begin, begin + _BATCH_SIZE)
         bent = bent_back(_field(np.nan_to_num(orders_mps2[part])), _THETA, early_rad[part], half_angle_rad)
         result[part] = _orders(bent)
     result[~present] = complex(math.nan, math.nan)
@@ -156,8 +156,8 @@ def compare_edges(
     count = len(orders_mps2)
     timing = EdgeTiming()
     nothing = Edges(np.zeros((count, TERMS)), half_angle_rad, timing)
-    follows = np.flatnonzero(np.diff(index) == 1)
-    if count < _MIN_REVOLUTIONS or len(follows) < _MIN_REVOLUTIONS or not 0.0 < half_angle_rad < 0.5 * math.pi:
+    adjacent = np.flatnonzero(np.diff(index) == 1)
+    if count < _MIN_REVOLUTIONS or len(adjacent) < _MIN_REVOLUTIONS or not 0.0 < half_angle_rad < 0.5 * math.pi:
         return nothing
     if count < _MIN_AT_CHANGING_SPEED and np.median(np.abs(np.diff(omega_radps))) > _STEADY * float(omega_radps.mean()):
         return nothing
@@ -165,58 +165,58 @@ def compare_edges(
     present = np.isfinite(raw).all(axis=0)
     raw[:, ~present] = 0.0
     rows = regressors(omega_radps, omega_dot_radps2)
-    usual = np.ones(count, dtype=bool)
+    inliers = np.ones(count, dtype=bool)
     early = np.zeros((count, TERMS))
     orders = raw
     noise = np.zeros((len(_ELSEWHERE_RAD), count, TERMS))
     for number in range(_ROUNDS):
-        fitted, _ = regress(orders, rows, usual)
+        fitted, _ = regress(orders, rows, inliers)
         residuals = orders - fitted
-        weight = np.where(present, 1.0 / robust_variance(residuals, usual), 0.0)
+        weight = np.where(present, 1.0 / robust_variance(residuals, inliers), 0.0)
         shapes = _shapes(orders.mean(axis=0), half_angle_rad)
         early = early + _amplitudes(residuals, shapes, weight)
         early -= early.mean(axis=0)
         if number in (0, _ROUNDS - 1):
-            noise = np.stack([_amplitudes(other, shapes, weight) for other in _cut_elsewhere(residuals)])
-            timing = _timing(early, noise, follows, folds, count)
-            if timing.chi2 < _EVIDENT:
+            noise = np.stack([_amplitudes(cut, shapes, weight) for cut in _cut_elsewhere(residuals)])
+            timing = _timing(early, noise, adjacent, folds, count)
+            if timing.chi2 < _EVIDENT_CHI2:
                 return replace(nothing, timing=timing)
         orders = orders_bent_back(raw, early, half_angle_rad)
     # By chance, some of the jitter goes with the regressors and was taken for a dependence on speed. Within a group the
     # waveform changes with omega^2 alone by more than that.
-    steady, _ = regress(orders, rows[:, :1], usual)
-    along, _ = regress(_amplitudes(orders - steady, shapes, weight).astype(np.complex128), rows, usual)
-    early = early + along.real - along.real.mean(axis=0)
+    steady, _ = regress(orders, rows[:, :1], inliers)
+    trend, _ = regress(_amplitudes(orders - steady, shapes, weight).astype(np.complex128), rows, inliers)
+    early = early + trend.real - trend.real.mean(axis=0)
     orders = orders_bent_back(raw, early, half_angle_rad)
     noise_power = np.square(noise).mean(axis=(0, 1))
     reliability = np.maximum(0.0, 1.0 - noise_power / np.square(early).mean(axis=0))
-    share, share_std = _leading_share(early, noise, follows, period_s * omega_radps.mean())
-    explained, left_over = _explained(raw, orders, rows, half_angle_rad)
+    share, share_std = _leading_share(early, noise, adjacent, period_s * omega_radps.mean())
+    explained, remaining = _explained(raw, orders, rows, half_angle_rad)
     timing = replace(
-        timing, leading_share=share, leading_share_std=share_std, explained_m2ps4=explained, left_m2ps4=left_over
+        timing, leading_share=share, leading_share_std=share_std, explained_m2ps4=explained, left_m2ps4=remaining
     )
     return Edges(early * reliability, half_angle_rad, timing)
 
 
-def _timing(early: FloatArray, noise: FloatArray, follows: IntArray, folds: int, count: int) -> EdgeTiming:
+def _timing(early: FloatArray, noise: FloatArray, adjacent: IntArray, folds: int, count: int) -> EdgeTiming:
     """Return the mean square change of b - a from contact to contact, by fold."""
-    length = early[follows, 0] - early[follows + 1, 1]
-    other = noise[:, follows, 0] - noise[:, follows + 1, 1]
+    length = early[adjacent, 0] - early[adjacent + 1, 1]
+    noise_length = noise[:, adjacent, 0] - noise[:, adjacent + 1, 1]
     # Differences between successive contacts: a slow drift, as of the load, is not jitter.
-    steps = np.flatnonzero(np.diff(follows) == 1)
+    steps = np.flatnonzero(np.diff(adjacent) == 1)
     if len(steps) < _MIN_REVOLUTIONS // 2:
         return EdgeTiming()
     power = 0.5 * np.square(np.diff(length))[steps]
-    noise_power = 0.5 * np.square(np.diff(other, axis=1))[:, steps]
-    part = np.zeros(count, dtype=np.intp)
+    noise_power = 0.5 * np.square(np.diff(noise_length, axis=1))[:, steps]
+    fold_index = np.zeros(count, dtype=np.intp)
     parts = folded(count, folds)
     for fold, places in enumerate(parts):
-        part[places] = fold
-    of = part[follows[steps]]
-    number = np.bincount(of, minlength=len(parts)).astype(np.float64)
-    mean = np.divide(np.bincount(of, power, len(parts)), number, out=np.zeros(len(parts)), where=number > 0.0)
+        fold_index[places] = fold
+    step_folds = fold_index[adjacent[steps]]
+    counts = np.bincount(step_folds, minlength=len(parts)).astype(np.float64)
+    mean = np.divide(np.bincount(step_folds, power, len(parts)), counts, out=np.zeros(len(parts)), where=counts > 0.0)
     return EdgeTiming(
-        tuple((_INDEPENDENT * number).tolist()), tuple(mean.tolist()), float(noise_power.mean(axis=1).max())
+        tuple((_INDEPENDENT * counts).tolist()), tuple(mean.tolist()), float(noise_power.mean(axis=1).max())
     )
 
 
@@ -234,8 +234,8 @@ def _amplitudes(residuals: ComplexArray, shapes: ComplexArray, weight: FloatArra
     """Return the amplitudes of both shapes in each revolution by weighted least squares, (n, 2)."""
     weighted = np.conj(shapes) * weight
     matrix = np.einsum("pan,qan->pq", weighted, shapes).real
-    right = np.einsum("pan,kan->kp", weighted, residuals).real
-    result: FloatArray = right @ np.linalg.pinv(matrix, hermitian=True)
+    moments = np.einsum("pan,kan->kp", weighted, residuals).real
+    result: FloatArray = moments @ np.linalg.pinv(matrix, hermitian=True)
     return result
 
 
@@ -245,73 +245,73 @@ def _cut_elsewhere(residuals: ComplexArray) -> list[ComplexArray]:
     In time, a revolution runs from angle 0 through pi to 0. The last one lacks its end, which is taken from the first.
     """
     field = np.concatenate(
-        [_field(residuals[begin : begin + _AT_A_TIME]) for begin in range(0, len(residuals), _AT_A_TIME)]
+        [_field(residuals[begin : begin + _BATCH_SIZE]) for begin in range(0, len(residuals), _BATCH_SIZE)]
     )
     stream = np.roll(field, -(_POINTS // 2), axis=-1).transpose(1, 0, 2).reshape(3, -1)
     elsewhere = []
-    for away in _ELSEWHERE_RAD:
-        moved = np.roll(stream, -round(away / (2.0 * math.pi) * _POINTS), axis=-1)
-        cut = np.roll(moved.reshape(3, -1, _POINTS).transpose(1, 0, 2), _POINTS // 2, axis=-1)
+    for angle_rad in _ELSEWHERE_RAD:
+        rolled = np.roll(stream, -round(angle_rad / (2.0 * math.pi) * _POINTS), axis=-1)
+        cut = np.roll(rolled.reshape(3, -1, _POINTS).transpose(1, 0, 2), _POINTS // 2, axis=-1)
         elsewhere.append(_orders(cut))
     return elsewhere
 
 
 def _leading_share(
-    early: FloatArray, noise: FloatArray, follows: IntArray, turned_rad: FloatArray
+    early: FloatArray, noise: FloatArray, adjacent: IntArray, periods_rad: FloatArray
 ) -> tuple[float, float]:
     """Return the leading edge's share of the mean square of b - a, and its standard error.
 
     The pipeline's centre lies at a + w d with d = b - a. The leading edge therefore shows (1 - w) d and the trailing
     edge -w d. The period between two contacts is shorter by the amount that the later centre is early.
     """
-    length = early[follows, 0] - early[follows + 1, 1]
-    other = noise[:, follows, 0] - noise[:, follows + 1, 1]
-    noise_power = float(np.square(other).mean())
+    length = early[adjacent, 0] - early[adjacent + 1, 1]
+    noise_length = noise[:, adjacent, 0] - noise[:, adjacent + 1, 1]
+    noise_power = float(np.square(noise_length).mean())
     power = float(np.square(length).mean()) - noise_power
     if not power > 0.0:
         return 0.5, 0.5
-    shown = float((early[follows, 0] * length).mean()) - float((noise[:, follows, 0] * other).mean())
-    ahead = 1.0 - shown / power
+    covariance = float((early[adjacent, 0] * length).mean()) - float((noise[:, adjacent, 0] * noise_length).mean())
+    centre_weight = 1.0 - covariance / power
     error = math.sqrt(noise_power / power / len(length))
     # Revolution k lies between contacts k and k + 1. Their d are known if revolutions k - 1 and k + 1 are adjacent.
     lengths = np.full(len(early) + 1, math.nan)
-    lengths[follows + 1] = length
-    step, away = lengths[1:-1] - lengths[:-2], turned_rad[:-1]
+    lengths[adjacent + 1] = length
+    step, intervals_rad = lengths[1:-1] - lengths[:-2], periods_rad[:-1]
     used = np.flatnonzero(np.isfinite(step))
     if len(used) < _MIN_REVOLUTIONS:
         return 0.5, 0.5
-    step, away = _detrended(step[used]), _detrended(away[used])
-    below = float(step @ step) - 2.0 * noise_power * len(step)
-    if not below > 0.0:
+    step, intervals_rad = _detrended(step[used]), _detrended(intervals_rad[used])
+    denominator = float(step @ step) - 2.0 * noise_power * len(step)
+    if not denominator > 0.0:
         return 0.5, 0.5
-    slope = -float(step @ away) / below
-    rest = away + slope * step
-    slope_std = math.sqrt(float(rest @ rest) / len(rest) / below)
+    slope = -float(step @ intervals_rad) / denominator
+    residuals = intervals_rad + slope * step
+    slope_std = math.sqrt(float(residuals @ residuals) / len(residuals) / denominator)
     # For the trailing edge a: Cov(centre, d) = w Var(d) - Var(a).
-    share = 1.0 - (ahead - slope)
+    share = 1.0 - (centre_weight - slope)
     return min(1.0, max(0.0, share)), math.hypot(error, slope_std)
 
 
 def _detrended(values: FloatArray) -> FloatArray:
     """Return values minus their running mean."""
-    padded = np.pad(values, _OVER // 2, mode="reflect")
-    result: FloatArray = values - np.convolve(padded, np.full(_OVER, 1.0 / _OVER), mode="valid")
+    padded = np.pad(values, _MEAN_PERIODS // 2, mode="reflect")
+    result: FloatArray = values - np.convolve(padded, np.full(_MEAN_PERIODS, 1.0 / _MEAN_PERIODS), mode="valid")
     return result
 
 
 def _explained(raw: ComplexArray, bent: ComplexArray, rows: FloatArray, half_angle_rad: float) -> tuple[float, float]:
     """Return the mean square over the revolution that the correction removes, and the mean square that remains."""
-    usual = np.ones(len(raw), dtype=bool)
-    near = np.abs(_THETA) < half_angle_rad + EDGE_REACH_RAD
-    far = np.abs(_THETA) > 2.0 * (half_angle_rad + EDGE_REACH_RAD)
+    inliers = np.ones(len(raw), dtype=bool)
+    is_near = np.abs(_THETA) < half_angle_rad + EDGE_REACH_RAD
+    is_far = np.abs(_THETA) > 2.0 * (half_angle_rad + EDGE_REACH_RAD)
     powers = []
     for orders in (raw, bent):
-        fitted, _ = regress(orders, rows, usual)
+        fitted, _ = regress(orders, rows, inliers)
         square = np.zeros((3, _POINTS))
-        for begin in range(0, len(orders), _AT_A_TIME):
-            square += np.square(_field((orders - fitted)[begin : begin + _AT_A_TIME])).sum(axis=0)
+        for begin in range(0, len(orders), _BATCH_SIZE):
+            square += np.square(_field((orders - fitted)[begin : begin + _BATCH_SIZE])).sum(axis=0)
         square /= len(orders)
-        powers.append(near.mean() * float((square[:, near].mean(axis=1) - square[:, far].mean(axis=1)).sum()))
+        powers.append(is_near.mean() * float((square[:, is_near].mean(axis=1) - square[:, is_far].mean(axis=1)).sum()))
     return powers[0] - powers[1], max(0.0, powers[1])
 
 

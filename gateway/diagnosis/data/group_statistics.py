@@ -32,7 +32,7 @@ MOST_ALIKE: Final = 5000
 GROUP_IS_FULL: Final = Reason(DiagnosisCode.REVOLUTION_UNUSED, why="group_limit", limit=MOST_ALIKE)
 
 _DEVIATIONS_S: Final = 30.0
-_DRIFT_OVER: Final = 9
+_DRIFT_WINDOW: Final = 9
 # Order 0 is real. In the other orders cosine and sine share the power.
 _ONE_COEFFICIENT: Final = np.where(np.arange(ORDERS) == 0, 1.0, 0.5)
 
@@ -83,33 +83,33 @@ def make_groups(
     """
     load = np.where(np.isfinite(table["load_n"]), table["load_n"], ASSUMED_LOAD_N)
     pressure = np.where(np.isfinite(table["pressure_pa"]), table["pressure_pa"], ASSUMED_PRESSURE_PA)
-    made = []
+    groups = []
     # Smoothed over revolutions: the change between two is mostly timing error of the contacts.
     drift = table["omega_dot_radps2"] * table["period_s"] / table["omega_radps"]
-    drift = median_filter(drift, _DRIFT_OVER, mode="nearest")
+    drift = median_filter(drift, _DRIFT_WINDOW, mode="nearest")
     for places in alike(table["omega_radps"], load, pressure, table["temperature_degc"], drift):
-        chosen = _cut_off_or_not(table, places, reject)
+        chosen = _usable_rows(table, places, reject)
         if len(chosen) < 2:
             reject(TOO_FEW_REVOLUTIONS, len(chosen))
             continue
         if len(chosen) > MOST_ALIKE:
             reject(GROUP_IS_FULL, len(chosen) - MOST_ALIKE)
             chosen = chosen[:MOST_ALIKE]
-        made.append(_group(table, chosen, declared, folds, reject))
-    return made
+        groups.append(_group(table, chosen, declared, folds, reject))
+    return groups
 
 
 TOO_FEW_REVOLUTIONS: Final = Reason(DiagnosisCode.REVOLUTION_UNUSED, why="too_few")
 
 
-def _cut_off_or_not(table: RevolutionTable, places: IntArray, reject: Callable[[Reason, int], None]) -> IntArray:
+def _usable_rows(table: RevolutionTable, places: IntArray, reject: Callable[[Reason, int], None]) -> IntArray:
     """Return the revolutions to use: clipped ones are included only if most are clipped."""
-    cut = table["cut_off"][places] > 0.0
-    number = int(cut.sum())
+    is_clipped = table["cut_off"][places] > 0.0
+    number = int(is_clipped.sum())
     if number == 0 or 2 * number > len(places):
         return places
     reject(CUT_OFF, number)
-    return places[~cut]
+    return places[~is_clipped]
 
 
 def _group(
@@ -122,51 +122,51 @@ def _group(
     if declared.ac_coupled:
         orders[..., 0] = complex(math.nan, math.nan)
     settled = settle(orders, table["omega_radps"][places], table["omega_dot_radps2"][places])
-    usual = np.flatnonzero(~settled.wild)
-    half_angle_rad = float(np.nanmean(table["half_angle_rad"][places[usual]]))
+    valid = np.flatnonzero(~settled.wild)
+    half_angle_rad = float(np.nanmean(table["half_angle_rad"][places[valid]]))
     edges = compare_edges(
-        orders[usual],
-        index=table["index"][places[usual]].astype(np.intp),
-        period_s=table["period_s"][places[usual]],
-        omega_radps=table["omega_radps"][places[usual]],
-        omega_dot_radps2=table["omega_dot_radps2"][places[usual]],
+        orders[valid],
+        index=table["index"][places[valid]].astype(np.intp),
+        period_s=table["period_s"][places[valid]],
+        omega_radps=table["omega_radps"][places[valid]],
+        omega_dot_radps2=table["omega_dot_radps2"][places[valid]],
         half_angle_rad=half_angle_rad,
         folds=folds,
     )
     early = np.zeros((len(places), TERMS))
-    edge_errors, by_edges = None, 0.0
+    edge_errors, edge_variance = None, 0.0
     as_recorded = None
     if edges.evident:
         # Jittering edges smear the mean and dominate the scatter.
-        early[usual] = edges.early_rad
-        bent = orders_bent_back(orders, early, half_angle_rad)
+        early[valid] = edges.early_rad
+        corrected = orders_bent_back(orders, early, half_angle_rad)
         if edges.timing.explains:
-            mean = bent[usual].mean(axis=0)
-            edge_errors = edges.errors_of_mean(mean, table["index"][places[usual]].astype(np.intp))
+            mean = corrected[valid].mean(axis=0)
+            edge_errors = edges.errors_of_mean(mean, table["index"][places[valid]].astype(np.intp))
         else:
             # What was taken is no displacement alone, and its error has no shape of its own.
-            by_edges = _ONE_COEFFICIENT * (orders - bent)[usual].var(axis=0)
-        orders = bent
+            edge_variance = _ONE_COEFFICIENT * (orders - corrected)[valid].var(axis=0)
+        orders = corrected
         as_recorded = settled.orders_mps2
         settled = settle(orders, table["omega_radps"][places], table["omega_dot_radps2"][places])
-        usual = np.flatnonzero(~settled.wild)
+        valid = np.flatnonzero(~settled.wild)
     if settled.wild.any():
         reject(WILD, int(settled.wild.sum()))
-    used = places[usual]
+    used = places[valid]
     blocks = []
     for part in folded(len(used), folds):
-        mean = settled.orders_mps2[usual[part]].mean(axis=0)
-        plain = None if as_recorded is None else as_recorded[usual[part]].mean(axis=0)
-        blocks.append(Block(len(used[part]), _conditions(table, used[part], declared), mean, plain))
+        mean = settled.orders_mps2[valid[part]].mean(axis=0)
+        recorded_mean = None if as_recorded is None else as_recorded[valid[part]].mean(axis=0)
+        blocks.append(Block(len(used[part]), _conditions(table, used[part], declared), mean, recorded_mean))
     conditions = _conditions(table, used, declared)
-    deviation, deviation_hz = _deviations(table, used, settled.shift_rad[usual], early[usual], half_angle_rad, rate_hz)
+    deviation, deviation_hz = _deviations(table, used, settled.shift_rad[valid], early[valid], half_angle_rad, rate_hz)
     return Group(
         label=label(declared.name, conditions),
         recording=declared.recording,
         state=0,
         conditions=conditions,
         blocks=tuple(blocks),
-        variance=settled.variance + by_edges,
+        variance=settled.variance + edge_variance,
         half_angle_rad=half_angle_rad,
         scatter_profile=settled.profile,
         load_known=bool(np.isfinite(table["load_n"][used]).all()),

@@ -17,11 +17,11 @@ from gateway.diagnosis.effects.effect import RADIAL
 
 HIGHEST_RATE_HZ: Final = 4000.0
 # The bandwidth of sampling and angle grid, 0.28 of their rate, equals the filter's pass band, 0.45 of its own rate.
-_CARRIED: Final = 0.62
+_BAND_RATIO: Final = 0.62
 # The uniform grid before decimation is finer than the angle grid, so that nothing aliases into the band.
-_FINER: Final = 1.25
+_OVERSAMPLING: Final = 1.25
 _TAPS: Final = 32
-_ENDS: Final = 16
+_EDGE_SAMPLES: Final = 16
 _SPLINE: Final = 5
 CELLS: Final = 64
 """Angles of a profile: 0.1 rad each, the width of a burst that a wheel's turn smears."""
@@ -29,11 +29,11 @@ CELLS: Final = 64
 # Fewer revolutions do not show what is rare.
 _MIN_REVOLUTIONS: Final = 12
 # Share of the revolutions that is left out of a cell: those of the largest power.
-_TRIMMED: Final = 0.05
+_TRIMMED_SHARE: Final = 0.05
 # Share of the largest powers, burst excepted, below which a cell of a clipped signal has next to no scatter: noise is
 # never so uneven, whereas the end of the range leaves a fraction of a count.
-_FLAT: Final = 0.01
-_LARGE: Final = 0.95
+_FLAT_SHARE: Final = 0.01
+_LARGE_QUANTILE: Final = 0.95
 
 
 def angle_scatter(
@@ -55,20 +55,20 @@ def angle_scatter(
     at_limit = np.zeros((3, CELLS), dtype=bool)
     if clipped:
         mean = cells[:, RADIAL].mean(axis=0)
-        at_limit[RADIAL] = mean < _FLAT * np.quantile(mean, _LARGE)
+        at_limit[RADIAL] = mean < _FLAT_SHARE * np.quantile(mean, _LARGE_QUANTILE)
     # The scatter of a cell's power from turn to turn, in the median cell, which holds noise.
     relative = cells.std(axis=0) / np.maximum(cells.mean(axis=0), 1e-30)
     spread = np.array([np.median(relative[axis, ~at_limit[axis]]) for axis in range(3)])
     # The largest of every cell are left out: a few turns in which the speed or the load changed are no scatter.
-    usual = _usual(cells)
-    power = np.where(usual, cells, 0.0).sum(axis=0) / usual.sum(axis=0)
+    untrimmed_cells = _untrimmed(cells)
+    power = np.where(untrimmed_cells, cells, 0.0).sum(axis=0) / untrimmed_cells.sum(axis=0)
     # The turn in which a load or a gain steps is no scatter either.
     changes = np.diff(parts, axis=0)
     steps = 0.5 * np.square(changes, out=changes).mean(axis=-1)
-    small = _usual(steps)
-    successive = np.where(small, steps, 0.0).sum(axis=0) / small.sum(axis=0)
+    untrimmed_steps = _untrimmed(steps)
+    successive = np.where(untrimmed_steps, steps, 0.0).sum(axis=0) / untrimmed_steps.sum(axis=0)
     sign = np.where(np.asarray(index) % 2, -1.0, 1.0)
-    swing = np.tensordot(sign - sign.mean(), np.where(usual[..., None], parts, 0.0), axes=1) / np.sqrt(count)
+    swing = np.tensordot(sign - sign.mean(), np.where(untrimmed_cells[..., None], parts, 0.0), axes=1) / np.sqrt(count)
     alternating = np.square(swing).reshape(3, CELLS, -1).mean(axis=-1)
     freedom = np.where(present, 1.0 / np.square(np.maximum(spread, 1e-3)), 0.0)
     # Noise is what most of a turn holds.
@@ -76,16 +76,16 @@ def angle_scatter(
     return AngleScatter(power, successive, alternating, freedom, count, at_limit)
 
 
-def _usual(powers: FloatArray) -> BoolArray:
+def _untrimmed(powers: FloatArray) -> BoolArray:
     """Return which of (n, 3, cells) powers are not among the largest of their cell."""
     count = len(powers)
-    usual: BoolArray = powers <= np.sort(powers, axis=0)[count - 1 - max(1, round(_TRIMMED * count))]
-    return usual
+    untrimmed: BoolArray = powers <= np.sort(powers, axis=0)[count - 1 - max(1, round(_TRIMMED_SHARE * count))]
+    return untrimmed
 
 
 def deviation_rate_hz(rate_hz: float, grid_rate_hz: float) -> float:
     """Return the sampling rate of deviations: 4 kHz, or less if the sampling or the angle grid limit the bandwidth."""
-    return min(HIGHEST_RATE_HZ, _CARRIED * rate_hz, _CARRIED * grid_rate_hz)
+    return min(HIGHEST_RATE_HZ, _BAND_RATIO * rate_hz, _BAND_RATIO * grid_rate_hz)
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +145,7 @@ def deviations(
     for begin, end in pairwise(breaks):
         part = slice(begin, end)
         times = _times(period_s[part], omega_radps[part], omega_dot_radps2[part], grid)
-        run = _even(times, residuals[part].transpose(1, 0, 2).reshape(3, -1), rate_hz, present)
+        run = _resampled(times, residuals[part].transpose(1, 0, 2).reshape(3, -1), rate_hz, present)
         if run is not None:
             runs.append(run)
     return Deviations(tuple(runs), by_angle)
@@ -153,37 +153,37 @@ def deviations(
 
 def _times(period_s: FloatArray, omega_radps: FloatArray, omega_dot_radps2: FloatArray, grid: int) -> FloatArray:
     """Return the times of all grid points of consecutive revolutions, constant acceleration within each."""
-    middle = angle_grid(grid)
+    angle_rad = angle_grid(grid)
     start = -0.5 * omega_dot_radps2 * np.square(0.5 * period_s)
-    away = middle - start[:, None]
+    rolled_rad = angle_rad - start[:, None]
     omega, drift = omega_radps[:, None], omega_dot_radps2[:, None]
-    speed = np.sqrt(np.maximum(np.square(omega) + 2.0 * drift * away, 1e-12))
+    speed = np.sqrt(np.maximum(np.square(omega) + 2.0 * drift * rolled_rad, 1e-12))
     begin = np.concatenate(([0.0], np.cumsum(period_s)[:-1]))
-    times: FloatArray = (begin + 0.5 * period_s)[:, None] + 2.0 * away / (omega + speed)
+    times: FloatArray = (begin + 0.5 * period_s)[:, None] + 2.0 * rolled_rad / (omega + speed)
     return times.ravel()
 
 
-def _even(times: FloatArray, values: FloatArray, rate_hz: float, present: BoolArray) -> FloatArray | None:
+def _resampled(times: FloatArray, values: FloatArray, rate_hz: float, present: BoolArray) -> FloatArray | None:
     """Return values (3, m) at almost uniform times as (3, k) float32 at `rate_hz`, low-pass filtered for that rate."""
-    own_hz = (len(times) - 1) / (times[-1] - times[0])
-    thin = max(1, math.ceil(_FINER * own_hz / rate_hz))
-    even = np.arange(times[0], times[-1], 1.0 / (thin * rate_hz))
-    if len(even) < (2 * _ENDS + 4) * thin:
+    input_hz = (len(times) - 1) / (times[-1] - times[0])
+    decimation = max(1, math.ceil(_OVERSAMPLING * input_hz / rate_hz))
+    uniform_s = np.arange(times[0], times[-1], 1.0 / (decimation * rate_hz))
+    if len(uniform_s) < (2 * _EDGE_SAMPLES + 4) * decimation:
         return None
-    places = np.interp(even, times, np.arange(len(times), dtype=np.float64))[None]
-    taps = _low_pass(_TAPS * thin + 1, 0.45 / thin)
-    length = len(range(0, len(even), thin)) - 2 * _ENDS
+    places = np.interp(uniform_s, times, np.arange(len(times), dtype=np.float64))[None]
+    taps = _low_pass(_TAPS * decimation + 1, 0.45 / decimation)
+    length = len(range(0, len(uniform_s), decimation)) - 2 * _EDGE_SAMPLES
     result = np.full((3, length), np.nan, dtype=np.float32)
     for axis in np.flatnonzero(present):
         spline = spline_filter1d(values[axis], order=_SPLINE, mode="mirror")
         fine = map_coordinates(spline, places, order=_SPLINE, mode="mirror", prefilter=False)
-        result[axis] = convolve1d(fine, taps, mode="mirror")[::thin][_ENDS : _ENDS + length]
+        result[axis] = convolve1d(fine, taps, mode="mirror")[::decimation][_EDGE_SAMPLES : _EDGE_SAMPLES + length]
     return result  # type: ignore[return-value]  # float32 halves the memory and is precise enough
 
 
 def _low_pass(taps: int, cutoff: float) -> FloatArray:
     """Return a low-pass filter of odd length, cutoff in cycles per sample: a sinc under a Hamming window."""
-    away = np.arange(taps) - taps // 2
-    response: FloatArray = np.sinc(2.0 * cutoff * away) * np.hamming(taps)
+    offset = np.arange(taps) - taps // 2
+    response: FloatArray = np.sinc(2.0 * cutoff * offset) * np.hamming(taps)
     normal: FloatArray = response / response.sum()
     return normal

@@ -26,8 +26,8 @@ NOT_MEASURED: Final = Reason(DiagnosisCode.REVOLUTION_UNUSED, why="not_measured"
 # Share of the Nyquist order up to which the pipeline's interpolation is right within 0.5 %.
 _USABLE_BAND: Final = 0.56
 # Seconds of waveforms kept for each speed, and for a recording.
-_KEPT_S: Final = 30.0
-_KEPT_ALL_S: Final = 240.0
+_SPEED_QUOTA_S: Final = 30.0
+_RECORDING_QUOTA_S: Final = 240.0
 _SPEED_STEP: Final = 0.03
 _AXES: Final = ("circumferential", "lateral")
 # An axis that varies by less than this in a revolution is not measuring.
@@ -72,7 +72,7 @@ class RevolutionStore:
         self._rows: list[tuple[float, ...]] = []
         self._orders: list[NDArray[np.complex64]] = []
         self._waveforms: dict[int, NDArray[np.float32]] = {}
-        self._kept_s: dict[int, float] = {}
+        self._stored_s: dict[int, float] = {}
         self.ac_coupled = False
         self._dead: dict[str, int] = {}
 
@@ -142,10 +142,10 @@ class RevolutionStore:
 
     def _keep_waveform(self, row: int, revolution: Revolution, axes: FloatArray) -> None:
         speed = round(math.log(revolution.omega_radps) / _SPEED_STEP)
-        kept_s = self._kept_s.get(speed, 0.0)
-        if kept_s >= _KEPT_S or sum(self._kept_s.values()) >= _KEPT_ALL_S:
+        stored_s = self._stored_s.get(speed, 0.0)
+        if stored_s >= _SPEED_QUOTA_S or sum(self._stored_s.values()) >= _RECORDING_QUOTA_S:
             return
-        self._kept_s[speed] = kept_s + revolution.period_s
+        self._stored_s[speed] = stored_s + revolution.period_s
         self._waveforms[row] = axes.astype(np.float32)
 
     def table(self) -> RevolutionTable:
@@ -167,8 +167,8 @@ def _rates(estimates: Iterable[Estimate]) -> tuple[float, ...]:
 
     0 with an infinite error where unknown.
     """
-    known = {estimate.name: estimate for estimate in estimates if estimate.status is not Status.INVALID}
-    rates = [known.get("turn_rate_radps", _UNKNOWN), known.get("camber_rate_radps", _UNKNOWN)]
+    by_name = {estimate.name: estimate for estimate in estimates if estimate.status is not Status.INVALID}
+    rates = [by_name.get("turn_rate_radps", _UNKNOWN), by_name.get("camber_rate_radps", _UNKNOWN)]
     parts = ((rate.value, rate.constant_std, rate.scatter_std, rate.status is Status.VALID) for rate in rates)
     return tuple(float(part) for rate in parts for part in rate)
 

@@ -14,17 +14,17 @@ from gateway.diagnosis.effects.angle_orders import ORDERS
 # Number of revolutions from which the dependence on speed and its change is subtracted before scatter is measured.
 _REGRESSED_FROM: Final = 12
 # Relative change of speed per revolution that may be a timing error, and the window lengths for its smoothing.
-_STEADY: Final = 1e-3
-_OVER: Final = (9, 17, 33)
-_ALIKE: Final = 1.1
+_STEADY_CHANGE: Final = 1e-3
+_SMOOTHING_LENGTHS: Final = (9, 17, 33)
+_MAX_STD_RATIO: Final = 1.1
 _ROUNDS: Final = 2
 # Ratio of a deviation's power to the median above which a revolution is an outlier; rejected if outliers are rare.
-_WILD: Final = 6.0
-_RARE: Final = 0.1
+_OUTLIER_RATIO: Final = 6.0
+_MAX_OUTLIER_SHARE: Final = 0.1
 _TRIMMED_FROM: Final = 6
 # Degrees of freedom of a variance, reached by pooling neighbouring orders.
 _FREEDOM: Final = 48
-_WIDEST: Final = 12
+_MAX_HALF_WIDTH: Final = 12
 # Weight of the neighbours' level for order 0, which is not pooled, in degrees of freedom.
 _PRIOR_FREEDOM: Final = 2.0
 # Width of the window in which the scatter's power is taken: narrow enough for a contact edge, and wide enough for some
@@ -73,28 +73,28 @@ def settle(orders_mps2: NDArray[np.complexfloating], omega_radps: FloatArray, om
     orders[:, ~present] = 0.0
     count = len(orders)
     rows = regressors(omega_radps, omega_dot_radps2)
-    usual = np.ones(count, dtype=bool)
+    inliers = np.ones(count, dtype=bool)
     shift = np.zeros(count)
     for _ in range(_ROUNDS):
-        fitted, _ = regress(orders, rows, usual)
-        weight = np.where(present, 1.0 / robust_variance(orders - fitted, usual), 0.0)
-        turn = _turns(orders, fitted, weight)
-        turn -= np.median(turn)
-        shift += turn
-        orders *= np.exp(-1j * _ORDER * turn[:, None, None])
-        fitted, _ = regress(orders, rows, usual)
-        usual = _usual(orders - fitted, present, usual)
+        fitted, _ = regress(orders, rows, inliers)
+        weight = np.where(present, 1.0 / robust_variance(orders - fitted, inliers), 0.0)
+        lead_rad = _leads(orders, fitted, weight)
+        lead_rad -= np.median(lead_rad)
+        shift += lead_rad
+        orders *= np.exp(-1j * _ORDER * lead_rad[:, None, None])
+        fitted, _ = regress(orders, rows, inliers)
+        inliers = _inliers(orders - fitted, present, inliers)
     # The mean rotation is undone, so that the group's mean angle is unchanged.
-    mean = float(shift[usual].mean())
+    mean = float(shift[inliers].mean())
     shift -= mean
     orders *= np.exp(1j * _ORDER * mean)
-    fitted, used = regress(orders, rows, usual)
-    variance = _variance((orders - fitted)[usual], int(usual.sum()) - used, present)
-    floor = np.square(_ROUNDING * np.sqrt(np.square(np.abs(orders[usual])).sum(axis=-1).mean(axis=0)))[:, None]
+    fitted, used = regress(orders, rows, inliers)
+    variance = _variance((orders - fitted)[inliers], int(inliers.sum()) - used, present)
+    floor = np.square(_ROUNDING * np.sqrt(np.square(np.abs(orders[inliers])).sum(axis=-1).mean(axis=0)))[:, None]
     variance = np.maximum(variance, floor)
-    profile = _profile((orders - fitted)[usual], int(usual.sum()) - used)
+    profile = _profile((orders - fitted)[inliers], int(inliers.sum()) - used)
     orders[:, ~present] = complex(np.nan, np.nan)
-    return Settled(orders, shift, np.where(present, variance, np.nan), profile, ~usual)
+    return Settled(orders, shift, np.where(present, variance, np.nan), profile, ~inliers)
 
 
 def _profile(residual: ComplexArray, freedom: int) -> FloatArray:
@@ -124,29 +124,29 @@ def regressors(omega_radps: FloatArray, omega_dot_radps2: FloatArray) -> FloatAr
     if len(square) < _REGRESSED_FROM:
         return square[:, None]
     drift = omega_dot_radps2 / max(float(np.abs(omega_dot_radps2).max()), 1e-12)
-    if float(np.std(omega_dot_radps2)) * 2.0 * np.pi / float(np.square(omega_radps).mean()) < _STEADY:
-        drift = _over_revolutions(drift, _OVER[0])
-    timing_std = float(np.std(square - _over_revolutions(square, _OVER[0])))
-    if timing_std < 2.0 * _STEADY:
+    if float(np.std(omega_dot_radps2)) * 2.0 * np.pi / float(np.square(omega_radps).mean()) < _STEADY_CHANGE:
+        drift = _running_mean(drift, _SMOOTHING_LENGTHS[0])
+    timing_std = float(np.std(square - _running_mean(square, _SMOOTHING_LENGTHS[0])))
+    if timing_std < 2.0 * _STEADY_CHANGE:
         # The longest window over which the speed changes by no more than its timing error.
-        over = [
+        lengths = [
             n
-            for n in _OVER
-            if n <= len(square) and np.std(square - _over_revolutions(square, n)) <= _ALIKE * timing_std
+            for n in _SMOOTHING_LENGTHS
+            if n <= len(square) and np.std(square - _running_mean(square, n)) <= _MAX_STD_RATIO * timing_std
         ]
-        square = _over_revolutions(square, over[-1])
+        square = _running_mean(square, lengths[-1])
     return np.column_stack((square, np.ones(len(square)), drift))
 
 
-def _over_revolutions(values: FloatArray, over: int) -> FloatArray:
-    """Return the running mean over `over` revolutions, a fitted line at the ends: a linear change is preserved.
+def _running_mean(values: FloatArray, length: int) -> FloatArray:
+    """Return the running mean over `length` revolutions, a fitted line at the ends: a linear change is preserved.
 
     This is a Savitzky-Golay filter of order 1. `scipy.signal`, which has it, takes half a second to import.
     """
-    result: FloatArray = convolve1d(values, np.full(over, 1.0 / over))
-    half, index = over // 2, np.arange(over, dtype=np.float64)
-    result[:half] = np.polyval(np.polyfit(index, values[:over], 1), index[:half])
-    result[-half:] = np.polyval(np.polyfit(index, values[-over:], 1), index[-half:])
+    result: FloatArray = convolve1d(values, np.full(length, 1.0 / length))
+    half, index = length // 2, np.arange(length, dtype=np.float64)
+    result[:half] = np.polyval(np.polyfit(index, values[:length], 1), index[:half])
+    result[-half:] = np.polyval(np.polyfit(index, values[-length:], 1), index[-half:])
     return result
 
 
@@ -154,51 +154,51 @@ def regress(values: ComplexArray, rows: FloatArray, usual: BoolArray) -> tuple[C
     """Return the predictions and the rank of a least-squares fit of rows (n, k) to the usual revolutions."""
     flat = values.reshape(len(values), -1)
     left_vectors, size, right_vectors = np.linalg.svd(rows[usual], full_matrices=False)
-    held = size > 1e-6 * size[0]
-    inverse = (right_vectors[held].T / size[held]) @ left_vectors[:, held].T
+    is_significant = size > 1e-6 * size[0]
+    inverse = (right_vectors[is_significant].T / size[is_significant]) @ left_vectors[:, is_significant].T
     fitted = rows @ (inverse @ flat[usual])
     result: ComplexArray = fitted.reshape(values.shape)
-    return result, int(held.sum())
+    return result, int(is_significant.sum())
 
 
-def _turns(orders: ComplexArray, fitted: ComplexArray, weight: FloatArray) -> FloatArray:
+def _leads(orders: ComplexArray, fitted: ComplexArray, weight: FloatArray) -> FloatArray:
     """Return the angle by which each revolution leads the fitted one, (n,), weighted least squares."""
     slope = 1j * _ORDER * fitted
-    along = (weight * (np.conj(slope) * (orders - fitted)).real).sum(axis=(1, 2))
+    projection = (weight * (np.conj(slope) * (orders - fitted)).real).sum(axis=(1, 2))
     total = (weight * np.square(np.abs(slope))).sum(axis=(1, 2))
-    turns: FloatArray = np.divide(along, total, out=np.zeros_like(along), where=total > 0.0)
-    return turns
+    lead_rad: FloatArray = np.divide(projection, total, out=np.zeros_like(projection), where=total > 0.0)
+    return lead_rad
 
 
 def robust_variance(residual: ComplexArray, usual: BoolArray) -> FloatArray:
     """Return the variance of one coefficient from the median power over revolutions, smoothed over orders."""
     power = np.median(np.square(np.abs(residual[usual])), axis=0) / (2.0 * np.log(2.0))
-    smooth = _smoothed(power, _WIDEST)
-    least = 1e-12 * max(float(smooth.max()), 1e-30)
-    result: FloatArray = np.maximum(smooth, least)
+    smooth = _smoothed(power, _MAX_HALF_WIDTH)
+    floor = 1e-12 * max(float(smooth.max()), 1e-30)
+    result: FloatArray = np.maximum(smooth, floor)
     return result
 
 
-def _usual(residual: ComplexArray, present: BoolArray, before: BoolArray) -> BoolArray:
+def _inliers(residual: ComplexArray, present: BoolArray, previous: BoolArray) -> BoolArray:
     """Return the mask of revolutions that are no outliers; all revolutions if outliers are not rare."""
     count = len(residual)
     if count < _TRIMMED_FROM:
-        return before
-    weight = np.where(present, 1.0 / robust_variance(residual, before), 0.0)
+        return previous
+    weight = np.where(present, 1.0 / robust_variance(residual, previous), 0.0)
     power = (weight * np.square(np.abs(residual))).sum(axis=(1, 2))
-    usual: BoolArray = power <= _WILD * np.median(power)
-    return usual if (~usual).sum() <= max(1.0, _RARE * count) else np.ones(count, dtype=bool)
+    inliers: BoolArray = power <= _OUTLIER_RATIO * np.median(power)
+    return inliers if (~inliers).sum() <= max(1.0, _MAX_OUTLIER_SHARE * count) else np.ones(count, dtype=bool)
 
 
 def _variance(residual: ComplexArray, freedom: int, present: BoolArray) -> FloatArray:
     freedom = max(freedom, 1)
     power = np.square(np.abs(residual)).sum(axis=0) / (2.0 * freedom)
-    half = min(_WIDEST, max(0, int(np.ceil(0.5 * (_FREEDOM / (2.0 * freedom) - 1.0)))))
+    half = min(_MAX_HALF_WIDTH, max(0, int(np.ceil(0.5 * (_FREEDOM / (2.0 * freedom) - 1.0)))))
     variance = _smoothed(np.where(present, power, np.nan), half)
     # Order 0 has no sine term, and for white noise half the variance of the others.
-    alone = np.square(residual[..., 0].real).sum(axis=0)
+    order_0_power = np.square(residual[..., 0].real).sum(axis=0)
     neighbour = np.nan_to_num(0.5 * variance[:, 1])
-    variance[:, 0] = (alone + _PRIOR_FREEDOM * neighbour) / (freedom + _PRIOR_FREEDOM)
+    variance[:, 0] = (order_0_power + _PRIOR_FREEDOM * neighbour) / (freedom + _PRIOR_FREEDOM)
     return variance
 
 

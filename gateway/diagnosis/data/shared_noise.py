@@ -12,7 +12,7 @@ from gateway.diagnosis.data.condition_groups import SPEED_WIDTH
 
 # Mean square of the difference over its expectation from which two means are of other revolutions. Those of a copy
 # differ by rounding; of one that lacks a tenth of the revolutions by 0.05.
-_SHARED: Final = 0.05
+_MAX_NOISE_RATIO: Final = 0.05
 _LEAST_COEFFICIENTS: Final = 100
 
 
@@ -50,4 +50,4 @@ def _share_noise(first: tuple[ComplexArray, FloatArray], second: tuple[ComplexAr
         return False
     # Of two real coefficients each.
     ratio = np.square(np.abs(first[0] - second[0])[comparable]) / (2.0 * expected[comparable])
-    return float(ratio.mean()) < _SHARED
+    return float(ratio.mean()) < _MAX_NOISE_RATIO

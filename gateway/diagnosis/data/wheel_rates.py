@@ -15,7 +15,7 @@ from gateway.diagnosis.reasons import DiagnosisCode
 
 # Revolutions that have one rate: a curve, a lane that is kept.
 _CORRELATED_REVOLUTIONS: Final = 15.0
-_FEWEST: Final = 30
+_MIN_REVOLUTIONS: Final = 30
 # Slope of the lateral mean over speed times turn: 1, but for camber and bank in curves.
 _SLOPE_ERROR, _SLOPE_SIGMAS = 0.3, 3.0
 # A wheel that is steered turns on its path by its slip angle, which grows with the lateral acceleration: the path
@@ -24,7 +24,7 @@ _PATH_LAGS_S: Final = (0.0, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.4, 0.6)
 # A tire's own share of the first order by side force is known within half of it: so much of a turn looks like camber.
 _CAMBER_OVER_TURN: Final = 0.5
 # Suspensions, with roll of the body; wheels of motorcycles lean more, and their tires are round.
-_MOST_CAMBER_RAD: Final = math.radians(12.0)
+_MAX_CAMBER_RAD: Final = math.radians(12.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,10 +67,10 @@ def without_rates(
     """
     finite = np.isfinite(table["turn_shared_radps"] + table["camber_shared_radps"])
     finite &= np.isfinite(table.orders_mps2[:, LATERAL, :2]).all(axis=1)
-    if finite.sum() < _FEWEST:
+    if finite.sum() < _MIN_REVOLUTIONS:
         return ()
     speed = table["omega_radps"] * radius_m
-    made: list[WheelRate] = []
+    rates: list[WheelRate] = []
     for effect, name, number in ((TURNING_WHEEL, "turn", 0), (CAMBER_RATE, "camber", 1)):
         rate = np.where(finite, table[f"{name}_radps"], 0.0)
         square = max(float(np.mean(rate[finite] ** 2)) - _noise_square(rate[finite]), 1e-300)
@@ -78,24 +78,24 @@ def without_rates(
         # Mean and first order, c - i s.
         orders = np.zeros((len(table), 2), np.complex128)
         if effect is TURNING_WHEEL:
-            evidence, objection, orders[:, 0] = _of_turn(table, speed * rate, finite, ac_coupled)
+            evidence, objection, orders[:, 0] = _turn_evidence(table, speed * rate, finite, ac_coupled)
             orders[:, 1] = -2.0 * speed * rate
         else:
-            evidence, objection = _of_camber(table, rate, finite, square / error**2)
-            if math.sqrt(square) < _CAMBER_OVER_TURN * made[0].rms_radps:
-                objection = Reason(DiagnosisCode.CAMBER_BESIDE_TURN, turn_radps=made[0].rms_radps)
+            evidence, objection = _camber_evidence(table, rate, finite, square / error**2)
+            if math.sqrt(square) < _CAMBER_OVER_TURN * rates[0].rms_radps:
+                objection = Reason(DiagnosisCode.CAMBER_BESIDE_TURN, turn_radps=rates[0].rms_radps)
             orders[:, 1] = 2.0j * speed * rate
-        before = table.orders_mps2[:, LATERAL, :2].astype(np.complex128)
+        lateral = table.orders_mps2[:, LATERAL, :2].astype(np.complex128)
         size = math.sqrt(float(np.mean(np.abs(orders[:, 0]) ** 2 + 0.5 * np.abs(orders[:, 1]) ** 2)))
-        shown = objection is None and evidence >= least_evidence
-        spread, rest = (_deviation(table, values, finite, number) for values in (before, before - orders))
-        made.append(WheelRate(effect, math.sqrt(square), error, evidence, size, spread, rest, objection, shown))
-        if shown:
-            table.orders_mps2[:, LATERAL, :2] = before - orders
+        is_shown = objection is None and evidence >= least_evidence
+        spread, residual = (_deviation(table, values, finite, number) for values in (lateral, lateral - orders))
+        rates.append(WheelRate(effect, math.sqrt(square), error, evidence, size, spread, residual, objection, is_shown))
+        if is_shown:
+            table.orders_mps2[:, LATERAL, :2] = lateral - orders
             for row, waveform in table.waveforms_mps2.items():
                 angle = 2.0 * math.pi / waveform.shape[-1] * np.arange(waveform.shape[-1]) - math.pi
                 waveform[LATERAL] -= (orders[row, 0] + orders[row, 1] * np.exp(1j * angle)).real
-    return tuple(made)
+    return tuple(rates)
 
 
 def _noise_square(rate_radps: FloatArray) -> float:
@@ -111,7 +111,7 @@ def _deviation(table: RevolutionTable, orders: ComplexArray, finite: BoolArray, 
     return math.sqrt(float(np.mean(np.square(value))))
 
 
-def _of_turn(
+def _turn_evidence(
     table: RevolutionTable, turn_mps2: FloatArray, finite: BoolArray, ac_coupled: bool
 ) -> tuple[float, Reason | None, FloatArray]:
     """Return the evidence of a turn by the mean of the lateral axis, and what of the mean is the path's."""
@@ -119,12 +119,12 @@ def _of_turn(
         return 0.0, None, turn_mps2
     mean = table.orders_mps2[finite, LATERAL, 0].real.astype(np.float64)
     mean -= mean.mean()
-    before = max(float(mean @ mean), 1e-300)
-    paths = [_followed(turn_mps2, table["index"], table["period_s"], lag_s) for lag_s in _PATH_LAGS_S]
+    base = max(float(mean @ mean), 1e-300)
+    paths = [_lagged(turn_mps2, table["index"], table["period_s"], lag_s) for lag_s in _PATH_LAGS_S]
     evidences = []
     for path in paths:
-        rest = mean - (path[finite] - path[finite].mean())
-        evidences.append(0.5 * len(mean) / _CORRELATED_REVOLUTIONS * math.log(before / max(float(rest @ rest), 1e-300)))
+        error = mean - (path[finite] - path[finite].mean())
+        evidences.append(0.5 * len(mean) / _CORRELATED_REVOLUTIONS * math.log(base / max(float(error @ error), 1e-300)))
     # All lags are as likely before the data.
     evidence = float(np.logaddexp.reduce(evidences)) - math.log(len(paths))
     path_mps2 = paths[int(np.argmax(evidences))]
@@ -140,14 +140,14 @@ def _of_turn(
     return evidence, objection, path_mps2
 
 
-def _followed(turn_mps2: FloatArray, index: FloatArray, period_s: FloatArray, lag_s: float) -> FloatArray:
+def _lagged(turn_mps2: FloatArray, index: FloatArray, period_s: FloatArray, lag_s: float) -> FloatArray:
     """Return the lateral acceleration of a path that follows a turn with a time constant."""
     if not lag_s:
         return turn_mps2
     steps_s = np.diff(index, prepend=index[:1]) * period_s
     path, latest = np.empty_like(turn_mps2), float(turn_mps2[0])
-    for row, stays in enumerate(np.exp(-steps_s / lag_s).tolist()):
-        latest += (1.0 - stays) * (float(turn_mps2[row]) - latest)
+    for row, decay in enumerate(np.exp(-steps_s / lag_s).tolist()):
+        latest += (1.0 - decay) * (float(turn_mps2[row]) - latest)
         path[row] = latest
     return path
 
@@ -161,11 +161,11 @@ def _error(rate_radps: FloatArray, shared_radps: FloatArray, scatter_radps: Floa
     return math.hypot(shared, scatter * math.sqrt(min(_CORRELATED_REVOLUTIONS / len(rate_radps), 1.0)))
 
 
-def _of_camber(
+def _camber_evidence(
     table: RevolutionTable, rate: FloatArray, finite: BoolArray, ratio: float
 ) -> tuple[float, Reason | None]:
     """Return the evidence of a camber rate by the square of its size over its error; camber stays within bounds."""
     evidence = 0.5 * (ratio - 1.0 - math.log(ratio)) if ratio > 1.0 else 0.0
     largest = float(np.ptp(np.cumsum(rate * table["period_s"])[finite]))
-    too_large = Reason(DiagnosisCode.CAMBER_TOO_LARGE, camber_rad=largest) if largest > _MOST_CAMBER_RAD else None
+    too_large = Reason(DiagnosisCode.CAMBER_TOO_LARGE, camber_rad=largest) if largest > _MAX_CAMBER_RAD else None
     return evidence, too_large

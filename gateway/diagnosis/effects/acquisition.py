@@ -32,8 +32,8 @@ _MIN_KNEE: Final = 1e-4
 _CLIPPING_LEVELS: Final = (0.6, 0.9, 1.1, 1.2, 1.3, 1.4)
 _START_KNEE: Final = 0.01
 # Ends of p within which a low-pass has a corner at half its power, 1 -+ sqrt(2), with room.
-_FEWEST: Final = -0.4
-_SHARPEST: Final = 2.4
+_MIN_SECOND_POLE: Final = -0.4
+_MAX_SECOND_POLE: Final = 2.4
 
 
 class ClockError(SignalEffect):
@@ -245,15 +245,15 @@ class AcCoupling(SignalEffect):
         if corner == 0.0:
             return block.zeros()
         decay = self._decay(block) * corner
-        passed = filtered(block.signal_mps2, -decay / (1j * ORDER + decay))
-        return passed + float(parameters[1]) * self._rate_of_mean(block)
+        change = filtered(block.signal_mps2, -decay / (1j * ORDER + decay))
+        return change + float(parameters[1]) * self._rate_of_mean(block)
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the derivatives by the corner, which the mean does not depend on, and by the lag, (2, 3, n)."""
         decay = self._decay(block)
-        below = 1j * ORDER + decay * float(parameters[0])
-        below[0] = 1.0
-        by_corner = filtered(block.signal_mps2, -decay * 1j * ORDER / below**2)
+        denominator = 1j * ORDER + decay * float(parameters[0])
+        denominator[0] = 1.0
+        by_corner = filtered(block.signal_mps2, -decay * 1j * ORDER / denominator**2)
         return np.stack([by_corner, self._rate_of_mean(block)])
 
     @staticmethod
@@ -321,20 +321,20 @@ class AxisDelay(SignalEffect):
 
 def _low_pass(frequency_hz: ComplexArray, parameters: FloatArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
     """Return a low-pass's gain without its delay, and its derivatives by the inverse corner and by p."""
-    inverse, second = float(parameters[0]), min(max(float(parameters[1]), _FEWEST), _SHARPEST)
+    inverse, second = float(parameters[0]), min(max(float(parameters[1]), _MIN_SECOND_POLE), _MAX_SECOND_POLE)
     first = math.sqrt(1.0 + second * (2.0 - second))
     x = frequency_hz * inverse
-    below = 1.0 + x * (1j * first - second * x)
-    gain = np.exp(1j * first * x) / below
-    by_x = gain * (1j * first - (1j * first - 2.0 * second * x) / below)
-    turn = 1j * ((1.0 - second) / first) * x
-    return gain, frequency_hz * by_x, gain * (turn - (turn - x * x) / below)
+    denominator = 1.0 + x * (1j * first - second * x)
+    gain = np.exp(1j * first * x) / denominator
+    by_x = gain * (1j * first - (1j * first - 2.0 * second * x) / denominator)
+    phase_slope = 1j * ((1.0 - second) / first) * x
+    return gain, frequency_hz * by_x, gain * (phase_slope - (phase_slope - x * x) / denominator)
 
 
-def _excess(over: FloatArray, width: float) -> FloatArray:
-    """Return the mean of max(x, 0) of a normal x of mean `over` and standard deviation `width`."""
-    z = over / width
-    result: FloatArray = width * _normal_density(z) + over * _normal_cdf(z)
+def _excess(mean: FloatArray, width: float) -> FloatArray:
+    """Return the mean of max(x, 0) of a normal x of mean `mean` and standard deviation `width`."""
+    z = mean / width
+    result: FloatArray = width * _normal_density(z) + mean * _normal_cdf(z)
     return result
 
 

@@ -20,8 +20,8 @@ def field_orders(field: FloatArray) -> ComplexArray:
     """Return the coefficients c - i s of orders 0 to 110 of curves on the model's grid, (..., ORDERS)."""
     spectrum = np.zeros((*field.shape[:-1], ORDERS), dtype=np.complex128)
     # Derivatives by most parameters are zero on some axes.
-    busy = field.any(axis=-1)
-    spectrum[busy] = np.fft.rfft(field[busy], axis=-1)[:, :ORDERS] * _SCALE
+    is_nonzero = field.any(axis=-1)
+    spectrum[is_nonzero] = np.fft.rfft(field[is_nonzero], axis=-1)[:, :ORDERS] * _SCALE
     return spectrum
 
 

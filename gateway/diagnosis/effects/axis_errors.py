@@ -35,7 +35,7 @@ _RESEMBLING: Final = {
 }
 
 
-class _OfAxis(LinearSignalEffect):
+class _SingleAxis(LinearSignalEffect):
     """An error of one axis with a unit reading."""
 
     stage = Stage.ELEMENT
@@ -57,8 +57,8 @@ class _OfAxis(LinearSignalEffect):
         axis_sign, other_sign = (
             -1.0 if block.conditions.reverse and axis == CIRCUMFERENTIAL else 1.0 for axis in (self.axis, self.other)
         )
-        axis_mps2, other = axis_sign * block.signal_mps2[self.axis], other_sign * block.signal_mps2[self.other]
-        rows[0, self.axis] = axis_sign * self.unit(axis_mps2, other)
+        axis_mps2, other_mps2 = axis_sign * block.signal_mps2[self.axis], other_sign * block.signal_mps2[self.other]
+        rows[0, self.axis] = axis_sign * self.unit(axis_mps2, other_mps2)
         return rows
 
     @abstractmethod
@@ -66,7 +66,7 @@ class _OfAxis(LinearSignalEffect):
         """Return the error of a unit by the axis and the other axis."""
 
 
-class GainBelowZero(_OfAxis):
+class GainBelowZero(_SingleAxis):
     """An axis whose gain is another one for negative readings."""
 
     parameters = (Parameter("error", "", -0.5, 0.5, 0.05, 1e-5, factor=100.0, display_unit="%"),)
@@ -84,7 +84,7 @@ class GainBelowZero(_OfAxis):
         return np.minimum(axis_mps2, 0.0)
 
 
-class AxisSquare(_OfAxis):
+class AxisSquare(_SingleAxis):
     """Quadratic error of an axis."""
 
     parameters = (
@@ -107,7 +107,7 @@ class AxisSquare(_OfAxis):
         return np.square(axis_mps2)
 
 
-class AxisCube(_OfAxis):
+class AxisCube(_SingleAxis):
     """Cubic error of an axis: symmetric elements, which harden or saturate on both sides."""
 
     parameters = (
@@ -131,7 +131,7 @@ class AxisCube(_OfAxis):
         return result
 
 
-class GainByAxis(_OfAxis):
+class GainByAxis(_SingleAxis):
     """An axis whose gain another one changes: it strains the element, or the part that holds it."""
 
     parameters = (
@@ -159,7 +159,7 @@ class GainByAxis(_OfAxis):
         return axis_mps2 * other
 
 
-class CrossAxis(_OfAxis):
+class CrossAxis(_SingleAxis):
     """An axis that reads a share of another one."""
 
     parameters = (Parameter("share", "", -0.3, 0.3, 0.03, 1e-5, factor=100.0, display_unit="%"),)

@@ -35,13 +35,13 @@ from gateway.core.types import ComplexArray
 # kw / (rho A) of the ring paper's tire at 210 kPa. A factor of two moves an order by 0.1.
 _SIDEWALL_PS2: Final = 1.8e5
 _STEPS: Final = 12
-_POLISH: Final = 20
-_EXACT: Final = 1e-13
+_NEWTON_STEPS: Final = 20
+_TOLERANCE: Final = 1e-13
 _SMALLEST: Final = 1e-300
 # Over the wave number.
 _LONGEST_STEP: Final = 0.3
 # Steps to the loss that bending has at the near field's own frequency.
-_LOSSY: Final = 3
+_LOSS_ITERATIONS: Final = 3
 # A fit may pass through values that carry no wave.
 _LEAST_BLOCKS: Final = 5.0
 _LEAST_BENDING: Final = 1e-2
@@ -110,8 +110,8 @@ def belt_wave(tread: BlockTread, side: int, omega_radps: float, radius_m: float)
     belt = blocks, bending, tension, tread.sidewall_loss_ps, tread.bending_loss_m4ps, omega_radps, radius_m
     real = sign * _undamped(blocks, bending, tension, sign, omega_radps, radius_m)
     k, k_by = np.empty(2, complex), np.empty((2, 5), complex)
-    for part, near in enumerate((complex(real), _near_field(real, sign, belt))):
-        k[part], k_by[part] = _root(near, belt)
+    for part, start in enumerate((complex(real), _near_field(real, sign, belt))):
+        k[part], k_by[part] = _root(start, belt)
     # Where a value is held at its least, nothing depends on it.
     free = np.array([blocks == tread.blocks, bending == tread.bending_m4ps2, tension == tread.tension_m2ps2, 1.0, 1.0])
     k_by *= free
@@ -148,9 +148,9 @@ def mass_of_wave(
     if k == 0.0:
         return math.nan
     w = order * omega
-    moved = (1.0 + 1.0 / k**2) * w * w + 4.0 * omega * w / k - omega**2 * (k * k - 3.0)
-    held = bending_nm2 * (k * k - 1.0) ** 2 / radius_m**4 + tension_n * (k * k - 1.0) / radius_m**2 + sidewall_npm2
-    return held / moved if moved > 0.0 else math.nan
+    inertia = (1.0 + 1.0 / k**2) * w * w + 4.0 * omega * w / k - omega**2 * (k * k - 3.0)
+    stiffness = bending_nm2 * (k * k - 1.0) ** 2 / radius_m**4 + tension_n * (k * k - 1.0) / radius_m**2 + sidewall_npm2
+    return stiffness / inertia if inertia > 0.0 else math.nan
 
 
 def _undamped(blocks: float, bending: float, tension: float, sign: float, omega_radps: float, radius_m: float) -> float:
@@ -169,23 +169,23 @@ def _undamped(blocks: float, bending: float, tension: float, sign: float, omega_
 def _near_field(real: float, sign: float, belt: tuple[float, ...]) -> complex:
     """Return the wave number of the near field without sidewall and curvature of the ring, from the undamped wave's."""
     blocks, bending, tension, _, bending_loss, omega, radius = belt
-    pulled = tension * radius**2 + omega**2 * radius**4
-    k = complex(0.0, sign * math.sqrt(pulled / bending + real * real))
-    for _ in range(_LOSSY if bending_loss else 0):
-        root = cmath.sqrt(-pulled / (bending - 1j * bending_loss * (blocks - k) * omega) - real * real)
+    tension_term = tension * radius**2 + omega**2 * radius**4
+    k = complex(0.0, sign * math.sqrt(tension_term / bending + real * real))
+    for _ in range(_LOSS_ITERATIONS if bending_loss else 0):
+        root = cmath.sqrt(-tension_term / (bending - 1j * bending_loss * (blocks - k) * omega) - real * real)
         k = root if root.imag * sign > 0.0 else -root
     return k
 
 
-def _root(near: complex, belt: tuple[float, ...]) -> tuple[complex, ComplexArray]:
+def _root(start: complex, belt: tuple[float, ...]) -> tuple[complex, ComplexArray]:
     """Return the balance's root near a value, by Newton's method, and its derivatives by the five fields, (5,)."""
-    root = near
-    for _ in range(_POLISH):
+    root = start
+    for _ in range(_NEWTON_STEPS):
         value, slope, _ = _balance(root, *belt)
         step = value / slope
         # A longer one could reach the root of another wave.
         root -= step * min(1.0, _LONGEST_STEP * abs(root) / max(abs(step), _SMALLEST))
-        if abs(step) <= _EXACT * abs(root):
+        if abs(step) <= _TOLERANCE * abs(root):
             break
     _, slope, by = _balance(root, *belt)
     return root, -by / slope

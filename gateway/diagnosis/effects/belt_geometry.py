@@ -49,8 +49,8 @@ def inclination(block: ModelledBlock) -> FloatArray:
     kappa R is the radial shape over R. A circle has psi = theta; in the contact psi stays at 0.
     """
     deviation = np.fft.rfft(closed_shape(block) / block.conditions.radius_m)
-    bend = np.fft.irfft(deviation * _INTEGRAL, n=FIELD_SIZE)
-    result: FloatArray = block.theta_rad + (bend - bend[_MIDDLE])
+    integral = np.fft.irfft(deviation * _INTEGRAL, n=FIELD_SIZE)
+    result: FloatArray = block.theta_rad + (integral - integral[_MIDDLE])
     return result
 
 
@@ -67,17 +67,17 @@ def relative_curvature(block: ModelledBlock) -> FloatArray:
 
 def _curvature_of_direction(block: ModelledBlock) -> FloatArray:
     up = np.stack([block.shape.gravity_circumferential, block.shape.gravity_radial])
-    return _turning_of(up.tobytes(), block.theta_rad.tobytes())
+    return _direction_slope(up.tobytes(), block.theta_rad.tobytes())
 
 
 @lru_cache(maxsize=64)
-def _turning_of(up: bytes, theta_rad: bytes) -> FloatArray:
+def _direction_slope(up: bytes, theta_rad: bytes) -> FloatArray:
     """Return the derivative of the direction of (sine, cosine) by theta, not writable, for it is shared."""
     sine, cosine = np.frombuffer(up).reshape(2, -1)
-    turned = np.arctan2(sine, cosine) - np.frombuffer(theta_rad)
+    deviation_rad = np.arctan2(sine, cosine) - np.frombuffer(theta_rad)
     # Both angles grow by a turn; their difference is far below half of one.
-    turned = np.mod(turned + math.pi, 2.0 * math.pi) - math.pi
-    result: FloatArray = 1.0 + slopes(turned)[0]
+    deviation_rad = np.mod(deviation_rad + math.pi, 2.0 * math.pi) - math.pi
+    result: FloatArray = 1.0 + slopes(deviation_rad)[0]
     result.setflags(write=False)
     return result
 
@@ -142,26 +142,26 @@ def relative_offset(block: ModelledBlock) -> float:
 
     That axis is -(e / R) d(V^2 kappa) / dtheta, the radial one V^2 kappa (1 - e kappa). 0 for a model without offset.
     """
-    along = block.shape.circumferential_m
-    if float(np.abs(along).max()) < _OFFSET_VISIBLE_SHARE * block.conditions.radius_m:
+    tangential_m = block.shape.circumferential_m
+    if float(np.abs(tangential_m).max()) < _OFFSET_VISIBLE_SHARE * block.conditions.radius_m:
         return 0.0
     if block.shape.gravity_radial.any():
         up = np.stack([block.shape.gravity_circumferential, block.shape.gravity_radial])
-        return _depth_of(up.tobytes(), block.theta_rad.tobytes(), along.tobytes(), block.conditions.radius_m)
+        return _depth_of(up.tobytes(), block.theta_rad.tobytes(), tangential_m.tobytes(), block.conditions.radius_m)
     offset = 0.0
     for _ in range(_DEPTH_STEPS):
-        offset = _depth(along, block.conditions.radius_m * _curvature_above(block, offset))
+        offset = _depth(tangential_m, block.conditions.radius_m * _curvature_above(block, offset))
     return offset
 
 
 @lru_cache(maxsize=64)
-def _depth_of(up: bytes, theta_rad: bytes, along_m: bytes, radius_m: float) -> float:
+def _depth_of(up: bytes, theta_rad: bytes, tangential_m: bytes, radius_m: float) -> float:
     """Return e / R by the direction of (sine, cosine), which a model has solved for."""
-    return _depth(np.frombuffer(along_m), radius_m * _turning_of(up, theta_rad))
+    return _depth(np.frombuffer(tangential_m), radius_m * _direction_slope(up, theta_rad))
 
 
-def _depth(along_m: FloatArray, curvature_m: FloatArray) -> float:
+def _depth(tangential_m: FloatArray, curvature_m: FloatArray) -> float:
     """Return e / R by which the circumferential shape is minus the slope of the curvature times R^2; 0 without one."""
     slope = slopes(curvature_m)[0]
     power = float(slope @ slope)
-    return -float(along_m @ slope) / power if power > 0.0 else 0.0
+    return -float(tangential_m @ slope) / power if power > 0.0 else 0.0

@@ -47,14 +47,14 @@ _SCAN_BENDING_LOSS: Final = (1e-5, 1e-4, 4e-4)
 _SCAN_SIDEWALL_LOSS: Final = (10.0, 150.0)
 _ORDER: Final = np.arange(FIELD_SIZE // 2 + 1)
 # Orders that the curvature of a closed belt has, and their slope.
-_CLOSED: Final = np.where(_ORDER > 1, 1.0, 0.0)
-_CLOSED_SLOPE: Final = np.where((_ORDER > 1) & (_ORDER <= SLOPE_ORDERS), 1j * _ORDER, 0.0)
+_CURVATURE_FACTOR: Final = np.where(_ORDER > 1, 1.0, 0.0)
+_SLOPE_FACTOR: Final = np.where((_ORDER > 1) & (_ORDER <= SLOPE_ORDERS), 1j * _ORDER, 0.0)
 # Places of the amplitudes of travelling waves, and of what their orders and decays follow from.
-_AMPLITUDES: Final = [0, 1, 2, 3, 4, 5, 11, 12]
-_TREAD: Final = range(6, 11)
+_AMPLITUDE_INDICES: Final = [0, 1, 2, 3, 4, 5, 11, 12]
+_TREAD_INDICES: Final = range(6, 11)
 # Places of the amplitudes of the packet ahead, and of its shape.
-_AHEAD_AT: Final = 11
-_AHEAD: Final = range(13, 16)
+_AHEAD_FIRST: Final = 11
+_AHEAD_INDICES: Final = range(13, 16)
 # Place of the amplitudes, edge and multiple of the number of blocks of each wave.
 _WAVES: Final = ((0, 0, 1), (2, 1, 1), (4, 1, 2))
 # Speed at which the sizes of travelling waves are stated.
@@ -76,8 +76,8 @@ _MIN_PITCH_WIDTH_RAD: Final = 0.02
 _PERCENT_OF_R_OMEGA2: Final = "% of R omega^2"
 
 
-def _amplitude(name: str, most: float, prior_std: float) -> Parameter:
-    return Parameter(name, "", -most, most, prior_std, 1e-6, factor=100.0, display_unit=_PERCENT_OF_R_OMEGA2)
+def _amplitude(name: str, limit: float, prior_std: float) -> Parameter:
+    return Parameter(name, "", -limit, limit, prior_std, 1e-6, factor=100.0, display_unit=_PERCENT_OF_R_OMEGA2)
 
 
 def _packet(name: str) -> tuple[Parameter, Parameter, Parameter]:
@@ -113,7 +113,7 @@ class _Packet:
     slopes: Callable[[], tuple[ComplexArray, ComplexArray]]
 
 
-class _Seen(NamedTuple):
+class _State(NamedTuple):
     """What a contribution depends on of a block.
 
     Attributes:
@@ -200,73 +200,73 @@ class TravellingEdgeWaves(SignalEffect):
 
     def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the packets; nothing without amplitude, whatever the orders."""
-        if not parameters[_AMPLITUDES].any():
+        if not parameters[_AMPLITUDE_INDICES].any():
             return block.zeros()
         offset = relative_offset(block)
-        seen = _Seen(block.leading_edge_rad, block.trailing_edge_rad, block.conditions, offset)
-        return self._contribution(seen, tuple(parameters.tolist()))
+        state = _State(block.leading_edge_rad, block.trailing_edge_rad, block.conditions, offset)
+        return self._contribution(state, tuple(parameters.tolist()))
 
     @lru_cache(maxsize=64)  # noqa: B019 - the catalogue's effects live as long as the program
-    def _contribution(self, seen: _Seen, parameters: tuple[float, ...]) -> FloatArray:
+    def _contribution(self, state: _State, parameters: tuple[float, ...]) -> FloatArray:
         """Return the packets; a scan asks for those of a set with every candidate."""
-        packets = self._packets(seen, parameters)
-        result: FloatArray = self._size(seen, parameters)[0] * _travelling_signal(seen, packets)
+        packets = self._packets(state, parameters)
+        result: FloatArray = self._size(state, parameters)[0] * _travelling_signal(state, packets)
         result.setflags(write=False)
         return result
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the derivatives by amplitudes, tread, belt, the packet ahead and the growth."""
         offset = relative_offset(block)
-        seen = _Seen(block.leading_edge_rad, block.trailing_edge_rad, block.conditions, offset)
-        packets = self._packets(seen, tuple(parameters.tolist()))
+        state = _State(block.leading_edge_rad, block.trailing_edge_rad, block.conditions, offset)
+        packets = self._packets(state, tuple(parameters.tolist()))
         rows = np.zeros((len(parameters), 2, len(_ORDER)), complex)
         for packet in packets:
             rows[packet.first : packet.first + 2] += spectrum_of(np.stack([packet.curves, -1j * packet.curves]))
-            by = spectrum_of(packet.amplitude * np.stack(packet.slopes(), axis=1))
-            rows[packet.behind.start : packet.behind.stop] += by
-        size, logarithm = self._size(seen, parameters.tolist())
-        result = _curvature_signal(seen, rows[:, 0], rows[:, 1])
-        result[-1] = logarithm * _travelling_signal(seen, packets)
+            slopes = spectrum_of(packet.amplitude * np.stack(packet.slopes(), axis=1))
+            rows[packet.behind.start : packet.behind.stop] += slopes
+        size, logarithm = self._size(state, parameters.tolist())
+        result = _wave_signal(state, rows[:, 0], rows[:, 1])
+        result[-1] = logarithm * _travelling_signal(state, packets)
         return size * result
 
     @staticmethod
-    def _size(seen: _Seen, parameters: Sequence[float]) -> tuple[float, float]:
+    def _size(state: _State, parameters: Sequence[float]) -> tuple[float, float]:
         """Return the size over that at the reference speed, beyond omega^2, and its derivative's logarithm."""
-        conditions = seen.conditions
+        conditions = state.conditions
         relative = conditions.omega_radps * conditions.radius_m / _REFERENCE_MPS
         return relative ** parameters[-1], math.log(relative)
 
     @lru_cache(maxsize=4)  # noqa: B019 - as above
-    def _packets(self, seen: _Seen, p: tuple[float, ...]) -> list[_Packet]:
+    def _packets(self, state: _State, p: tuple[float, ...]) -> list[_Packet]:
         """Return the packets before, after, that of the second harmonic, and the one ahead."""
-        conditions = seen.conditions
-        tread = BlockTread(*p[_TREAD.start : _TREAD.stop])
+        conditions = state.conditions
+        tread = BlockTread(*p[_TREAD_INDICES.start : _TREAD_INDICES.stop])
         packets = []
         for first, side, harmonic in _WAVES:
-            its_tread = replace(tread, blocks=harmonic * tread.blocks)
-            wave = belt_wave(its_tread, side, conditions.omega_radps, conditions.radius_m)
-            waves = Running.of(seen, side, wave.orders)
+            harmonic_tread = replace(tread, blocks=harmonic * tread.blocks)
+            wave = belt_wave(harmonic_tread, side, conditions.omega_radps, conditions.radius_m)
+            waves = Running.of(state, side, wave.orders)
             parts = np.stack([wave.sizes, wave.sizes * wave.shares])
             curves = (parts @ waves.curves.reshape(len(waves.curves), -1)).reshape(2, 2, -1)
             slopes_of = partial(_slopes, wave, waves, harmonic)
-            packets.append(_Packet(first, _amplitude_at(p, first), curves, _TREAD, slopes_of))
+            packets.append(_Packet(first, _amplitude_at(p, first), curves, _TREAD_INDICES, slopes_of))
             if first == 0:
-                before = wave
+                leading_wave = wave
         # On the same belt, so its share along the belt is that of the wave before.
-        ahead = p[_AHEAD.start : _AHEAD.stop]
-        curve, share = pulse(seen, *ahead), before.shares[0]
-        behind = range(_TREAD.start, _AHEAD.stop)
+        shape = p[_AHEAD_INDICES.start : _AHEAD_INDICES.stop]
+        curve, share = pulse(state, *shape), leading_wave.shares[0]
+        indices = range(_TREAD_INDICES.start, _AHEAD_INDICES.stop)
 
         def slopes() -> tuple[ComplexArray, ComplexArray]:
-            by, share_by = pulse_by(curve, ahead[0], ahead[-1]), before.shares_by[0]
-            curve_by = np.zeros((len(behind), *curve.shape), complex)
+            pulse_slopes, share_by = pulse_by(curve, shape[0], shape[-1]), leading_wave.shares_by[0]
+            curve_by = np.zeros((len(indices), *curve.shape), complex)
             along_by = np.zeros_like(curve_by)
-            curve_by[-3:], along_by[-3:] = by, share * by
+            curve_by[-3:], along_by[-3:] = pulse_slopes, share * pulse_slopes
             along_by[: len(share_by)] = share_by[:, None, None] * curve
             return curve_by, along_by
 
         curves = np.stack([curve, share * curve])
-        packets.append(_Packet(_AHEAD_AT, _amplitude_at(p, _AHEAD_AT), curves, behind, slopes))
+        packets.append(_Packet(_AHEAD_FIRST, _amplitude_at(p, _AHEAD_FIRST), curves, indices, slopes))
         return packets
 
 
@@ -312,20 +312,20 @@ class TireLockedEdgeWaves(SignalEffect):
         if not parameters[[0, 1, 4, 5]].any():
             return block.zeros()
         waves = self._waves(block, parameters)
-        return _curvature_signal(block, np.fft.rfft(waves[:, 0].real.sum(axis=0)))
+        return _wave_signal(block, np.fft.rfft(waves[:, 0].real.sum(axis=0)))
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the derivatives by amplitudes and shapes."""
         rows = self._waves(block, parameters)[:, 1:].real.reshape(len(parameters), FIELD_SIZE)
-        return _curvature_signal(block, np.fft.rfft(rows))
+        return _wave_signal(block, np.fft.rfft(rows))
 
     def _waves(self, block: ModelledBlock, parameters: FloatArray) -> ComplexArray:
         """Return either packet and its derivatives by its four parameters, as complex curves (2, 5, FIELD_SIZE)."""
-        p, free = parameters.tolist(), free_belt(block)
+        p, belt = parameters.tolist(), free_belt(block)
         curves = []
         for side, first in enumerate((0, 4)):
-            curve = free.packet(side, p[first + 2], p[first + 3])
-            wave, distance = _amplitude_at(p, first) * curve, free.distance_rad[side]
+            curve = belt.packet(side, p[first + 2], p[first + 3])
+            wave, distance = _amplitude_at(p, first) * curve, belt.distance_rad[side]
             curves.append(np.stack([wave, curve, -1j * curve, 1j * distance * wave, -distance * wave]))
         return np.stack(curves)
 
@@ -371,7 +371,7 @@ class TreadPitch(SignalEffect):
         if not parameters[:2].any():
             return block.zeros()
         wave = np.tensordot(parameters[:2], _pitch_waves(block, parameters)[0], 1)
-        return _curvature_signal(block, np.fft.rfft(wave))
+        return _wave_signal(block, np.fft.rfft(wave))
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the derivatives by amplitudes, order and width."""
@@ -383,7 +383,7 @@ class TreadPitch(SignalEffect):
             cosine * by_order[0] + sine * by_order[1],
             cosine * by_width[0] + sine * by_width[1],
         ]
-        return _curvature_signal(block, np.fft.rfft(np.stack(rows)))
+        return _wave_signal(block, np.fft.rfft(np.stack(rows)))
 
 
 def _fades_within_a_wave(
@@ -397,8 +397,8 @@ def _fades_within_a_wave(
         std: of them.
     """
     for edge, (first, order, decay) in zip(("leading", "trailing"), packets, strict=True):
-        present = np.hypot(*parameters[first : first + 2]) > _DETERMINED_SIGMAS * np.hypot(*std[first : first + 2])
-        if present and order < 2.0 * np.pi * decay:
+        is_present = np.hypot(*parameters[first : first + 2]) > _DETERMINED_SIGMAS * np.hypot(*std[first : first + 2])
+        if is_present and order < 2.0 * np.pi * decay:
             return Reason(DiagnosisCode.FADES_WITHIN_ONE_WAVE, edge=edge, waves=order / (2.0 * np.pi * decay))
     return None
 
@@ -412,14 +412,14 @@ def _slopes(wave: BeltWave, waves: Running, harmonic: int) -> tuple[ComplexArray
         harmonic: multiple of the number of blocks.
     """
     curves, curves_by = waves.curves, waves.by_order()
-    sizes_by, moved = wave.sizes_by, wave.sizes[:, None] * wave.orders_by
-    by = np.tensordot(sizes_by.T, curves, 1) + np.tensordot(moved.T, curves_by, 1)
+    sizes_by, order_slopes = wave.sizes_by, wave.sizes[:, None] * wave.orders_by
+    wave_by = np.tensordot(sizes_by.T, curves, 1) + np.tensordot(order_slopes.T, curves_by, 1)
     along_by = np.tensordot((sizes_by * wave.shares[:, None]).T, curves, 1)
     along_by += np.tensordot((wave.sizes[:, None] * wave.shares_by).T, curves, 1)
-    along_by += np.tensordot((moved * wave.shares[:, None]).T, curves_by, 1)
-    for rows in (by, along_by):
+    along_by += np.tensordot((order_slopes * wave.shares[:, None]).T, curves_by, 1)
+    for rows in (wave_by, along_by):
         rows[0] *= harmonic
-    return by, along_by
+    return wave_by, along_by
 
 
 def _amplitude_at(parameters: Sequence[float], first: int) -> complex:
@@ -427,10 +427,10 @@ def _amplitude_at(parameters: Sequence[float], first: int) -> complex:
     return complex(parameters[first], -parameters[first + 1])
 
 
-def _travelling_signal(seen: _Seen, packets: list[_Packet]) -> FloatArray:
+def _travelling_signal(state: _State, packets: list[_Packet]) -> FloatArray:
     """Return the contribution of packets, (3, FIELD_SIZE)."""
     curves = np.sum([packet.amplitude * packet.curves for packet in packets], axis=0)
-    return _curvature_signal(seen, *spectrum_of(curves))
+    return _wave_signal(state, *spectrum_of(curves))
 
 
 def _pitch_waves(block: ModelledBlock, parameters: FloatArray) -> FloatArray:
@@ -440,8 +440,8 @@ def _pitch_waves(block: ModelledBlock, parameters: FloatArray) -> FloatArray:
     """
     order, width = float(parameters[2]), max(float(parameters[3]), _MIN_PITCH_WIDTH_RAD)
     theta = block.theta_rad
-    beyond = np.maximum(np.maximum(block.leading_edge_rad - theta, theta - block.trailing_edge_rad), 0.0)
-    square = np.square(beyond / width)
+    distance_rad = np.maximum(np.maximum(block.leading_edge_rad - theta, theta - block.trailing_edge_rad), 0.0)
+    square = np.square(distance_rad / width)
     envelope = np.exp(-0.5 * square)
     side = -1.0 if block.conditions.reverse else 1.0
     cosine, sine = envelope * np.cos(order * theta), side * envelope * np.sin(order * theta)
@@ -449,11 +449,11 @@ def _pitch_waves(block: ModelledBlock, parameters: FloatArray) -> FloatArray:
     return np.stack([waves, np.stack([-side * theta * sine, side * theta * cosine]), waves * (square / width)])
 
 
-def _curvature_signal(seen: ModelledBlock | _Seen, wave: ComplexArray, along: ComplexArray | None = None) -> FloatArray:
+def _wave_signal(state: ModelledBlock | _State, wave: ComplexArray, along: ComplexArray | None = None) -> FloatArray:
     """Return the contribution of a wave of the belt's curvature to the axes.
 
     Args:
-        seen: the block, or what a contribution depends on of it.
+        state: the block, or what a contribution depends on of it.
         wave: its spectrum on the model's grid in R omega^2, (..., FIELD_SIZE // 2 + 1).
         along: that of the part that changes along the belt as it does for the sensor, kappa times the wave; None where
             all of it does.
@@ -461,16 +461,16 @@ def _curvature_signal(seen: ModelledBlock | _Seen, wave: ComplexArray, along: Co
     Returns:
         (..., 3, FIELD_SIZE), m/s^2.
     """
-    scale = seen.conditions.radius_m * seen.conditions.omega_radps**2
+    scale = state.conditions.radius_m * state.conditions.omega_radps**2
     result = np.zeros((*wave.shape[:-1], 3, FIELD_SIZE))
-    offset = seen.offset if isinstance(seen, _Seen) else relative_offset(seen)
+    offset = state.offset if isinstance(state, _State) else relative_offset(state)
     # Without amplitude, the derivatives by all but the amplitudes are zero.
     for axis, spectrum, factor in (
-        (RADIAL, wave, scale * _CLOSED),
-        (CIRCUMFERENTIAL, wave if along is None else along, -offset * scale * _CLOSED_SLOPE),
+        (RADIAL, wave, scale * _CURVATURE_FACTOR),
+        (CIRCUMFERENTIAL, wave if along is None else along, -offset * scale * _SLOPE_FACTOR),
     ):
-        busy = spectrum.any(axis=-1) & bool(factor.any())
-        result[busy, axis] = np.fft.irfft(spectrum[busy] * factor, n=FIELD_SIZE, axis=-1)
+        is_nonzero = spectrum.any(axis=-1) & bool(factor.any())
+        result[is_nonzero, axis] = np.fft.irfft(spectrum[is_nonzero] * factor, n=FIELD_SIZE, axis=-1)
     return result
 
 

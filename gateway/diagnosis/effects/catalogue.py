@@ -41,16 +41,16 @@ def plugin_fault(plugin: Plugin, loaded: object) -> Reason | None:
         return Reason(
             CoreCode.PLUGIN_REFUSED, why="wrong_type", expected="a sequence of gateway.diagnosis.effects.effect.Effect"
         )
-    taken = [(effect, "treadlink") for effect in _builtin()]
-    for earlier in takewhile(lambda other: other != plugin, installed(Registry.EFFECTS)):
-        taken += [(effect, earlier.package) for effect in _effects_of(imported(earlier))]
+    registered = [(effect, "treadlink") for effect in _builtin()]
+    for predecessor in takewhile(lambda candidate: candidate != plugin, installed(Registry.EFFECTS)):
+        registered += [(effect, predecessor.package) for effect in _effects_of(imported(predecessor))]
     for effect in effects:
-        for other, owner in taken:
-            if effect.name == other.name or effect.rank == other.rank:
+        for rival, owner in registered:
+            if effect.name == rival.name or effect.rank == rival.rank:
                 return Reason(
-                    CoreCode.PLUGIN_REFUSED, why="effect_taken", effect=other.name, rank=str(other.rank), by=owner
+                    CoreCode.PLUGIN_REFUSED, why="effect_taken", effect=rival.name, rank=str(rival.rank), by=owner
                 )
-        taken.append((effect, plugin.package))
+        registered.append((effect, plugin.package))
     return None
 
 

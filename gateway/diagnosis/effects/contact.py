@@ -127,8 +127,8 @@ class ContactEdgeJitter(ScatterEffect):
         side = np.array([-1.0, 1.0]).reshape(2, *(1,) * theta_rad.ndim)
         from_edge = side * theta_rad - half_angle_rad
         weight = 0.5 * (1.0 + np.cos(np.pi * np.minimum(np.abs(from_edge) / EDGE_REACH_RAD, 1.0)))
-        inside = np.clip(side * theta_rad / (_TRANSITION_SHARE * half_angle_rad), -1.0, 1.0)
-        weight = weight * 0.5 * (1.0 + np.sin(0.5 * np.pi * inside))
+        ramp = np.clip(side * theta_rad / (_TRANSITION_SHARE * half_angle_rad), -1.0, 1.0)
+        weight = weight * 0.5 * (1.0 + np.sin(0.5 * np.pi * ramp))
         return np.concatenate((weight, weight * from_edge / EDGE_REACH_RAD))
 
 

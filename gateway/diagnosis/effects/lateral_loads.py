@@ -52,9 +52,9 @@ class LateralLoad(SignalEffect):
 
     def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the lateral axis, (3, FIELD_SIZE) m/s^2."""
-        added = block.zeros()
-        added[LATERAL] = parameters[0] * self._scale(block.conditions) * self._unit(block, parameters).lateral_m
-        return added
+        change = block.zeros()
+        change[LATERAL] = parameters[0] * self._scale(block.conditions) * self._unit(block, parameters).lateral_m
+        return change
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return d contribution / d parameters, (4, 3, FIELD_SIZE)."""

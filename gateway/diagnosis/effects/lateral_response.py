@@ -74,21 +74,21 @@ class _Contact:
         self._scale = 1.0 / (2.0 * np.pi * radius_m)
         ends = np.append(theta, edges_rad[0])
         self._phase = np.exp(1j * np.outer(orders, ends))
-        self._twice = np.where(orders == 0, 1.0, 2.0)
+        self._one_sided_weights = np.where(orders == 0, 1.0, 2.0)
         position = np.mod(ends[:, None] - theta, 2.0 * np.pi) * (_TABLE / (2.0 * np.pi))
-        self._before = position.astype(np.intp)
-        self._after = position - self._before
+        self._index = position.astype(np.intp)
+        self._fraction = position - self._index
 
     def beside_edge(self, shapes: ComplexArray) -> FloatArray:
         """Return shapes (..., orders) at the points, minus their value at the leading edge."""
-        values: FloatArray = (self._twice * shapes @ self._phase).real
+        values: FloatArray = (self._one_sided_weights * shapes @ self._phase).real
         return values[..., :-1] - values[..., -1:]
 
     def influence(self, compliance: FloatArray) -> FloatArray:
         """Return the belt's response to the tread's force per length at the points, relative to the leading edge."""
         answer = np.fft.irfft(compliance, n=_TABLE) * (_TABLE * self._scale)
         answer = np.append(answer, answer[:1])
-        matrix = answer[self._before] * (1.0 - self._after) + answer[self._before + 1] * self._after
+        matrix = answer[self._index] * (1.0 - self._fraction) + answer[self._index + 1] * self._fraction
         result: FloatArray = (matrix[:-1] - matrix[-1:]) * self._weight_m
         return result
 
@@ -124,16 +124,16 @@ class Response:
         self._size = len(curvature)
         self._orders = orders = np.arange(min(_HIGHEST_ORDER, self._size // 2 - 1) + 1)
         # The grid begins at -pi: turned, a coefficient belongs to exp(i n theta).
-        self._turn = np.where(orders % 2, -1.0, 1.0)
-        bent = np.fft.rfft(curvature - 1.0)[: len(orders)] * self._turn / (self._size * radius_m)
+        self._sign = np.where(orders % 2, -1.0, 1.0)
+        bent = np.fft.rfft(curvature - 1.0)[: len(orders)] * self._sign / (self._size * radius_m)
         self._forcing: ComplexArray = bent * (1j * orders / radius_m if load is Load.PLY_STEER else load is Load.CONE)
         self._k2 = (orders / radius_m) ** 2
         bending = BENDING_STIFFNESS_NM2 * np.exp(stiffness.bending_ln)
         self._tread = TREAD_STIFFNESS_NPM2 * np.exp(stiffness.tread_ln)
         share = 1.0 + _PRESSURE_SHARE * (pressure_pa / _REFERENCE_PA - 1.0)
         self._sidewall = SIDEWALL_STIFFNESS_NPM2 * share * np.exp(stiffness.sidewall_ln)
-        self._soft = 1.0 + bending * self._k2 / SHEAR_STIFFNESS_N
-        self._beam = bending * self._k2 / self._soft
+        self._shear_factor = 1.0 + bending * self._k2 / SHEAR_STIFFNESS_N
+        self._beam = bending * self._k2 / self._shear_factor
         self._whole = self._k2 * (self._beam + _TENSION_NUMBER * pressure_pa * radius_m**2) + self._sidewall
 
         self._contact = _Contact(edges_rad, orders, radius_m)
@@ -141,8 +141,8 @@ class Response:
         self._system = self._contact.influence(1.0 / self._whole)
         self._system[np.diag_indices(_POINTS)] += 1.0 / self._tread
         drag = self._contact.behind_edge_m * float(load is Load.SLIP)
-        wanted: FloatArray = drag - self._contact.beside_edge(free)
-        self._push: FloatArray = np.asarray(np.linalg.solve(self._system, wanted), dtype=np.float64)
+        imposed_m: FloatArray = drag - self._contact.beside_edge(free)
+        self._push: FloatArray = np.asarray(np.linalg.solve(self._system, imposed_m), dtype=np.float64)
         self.side_force_n = self._contact.total(self._push)
         self.lateral_m = self._second_derivative(free + self._contact.orders_of(self._push) / self._whole)
 
@@ -150,21 +150,21 @@ class Response:
     def derivative_m(self) -> FloatArray:
         """(3, FIELD_SIZE) d lateral_m by the logarithms of `Stiffness`."""
         none = np.zeros_like(self._beam)
-        beam = np.stack([self._beam / self._soft, none, none])
+        beam = np.stack([self._beam / self._shear_factor, none, none])
         whole = np.stack([self._k2 * beam[0], np.full_like(none, self._sidewall), none])
         # Of the compliance 1 / whole.
-        eased = -whole / self._whole**2
-        free = self._forcing * (beam / self._whole + self._beam * eased)
-        moved = [self._contact.influence(ease) @ self._push for ease in eased[:2]]
-        changed = np.stack([*moved, -self._push / self._tread])
-        push: FloatArray = np.linalg.solve(self._system, -(self._contact.beside_edge(free) + changed).T).T
-        shapes = free + self._contact.orders_of(push) / self._whole + self._contact.orders_of(self._push) * eased
+        slopes = -whole / self._whole**2
+        free = self._forcing * (beam / self._whole + self._beam * slopes)
+        influences = [self._contact.influence(slope) @ self._push for slope in slopes[:2]]
+        system_terms = np.stack([*influences, -self._push / self._tread])
+        push: FloatArray = np.linalg.solve(self._system, -(self._contact.beside_edge(free) + system_terms).T).T
+        shapes = free + self._contact.orders_of(push) / self._whole + self._contact.orders_of(self._push) * slopes
         return self._second_derivative(shapes)
 
     def _second_derivative(self, shapes: ComplexArray) -> FloatArray:
         """Return d2/dtheta2 of orders (..., orders) on the grid, not writable, for it is shared."""
         spectrum = np.zeros((*shapes.shape[:-1], self._size // 2 + 1), dtype=np.complex128)
-        spectrum[..., : len(self._orders)] = -(self._orders**2) * shapes * self._turn * self._size
+        spectrum[..., : len(self._orders)] = -(self._orders**2) * shapes * self._sign * self._size
         field: FloatArray = np.fft.irfft(spectrum, n=self._size)
         field.setflags(write=False)
         return field

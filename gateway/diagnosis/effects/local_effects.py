@@ -28,25 +28,25 @@ from gateway.diagnosis.effects.effect import (
 )
 from gateway.ring.rolling_ring import PATTERNS, Change, LoadedBelt, Slope, local_response
 
-_PLANE: Final = [RADIAL, CIRCUMFERENTIAL]
+_PLANE_AXES: Final = [RADIAL, CIRCUMFERENTIAL]
 _COUNTS: Final[FloatArray] = np.arange(PATTERNS, dtype=np.float64)
-_SHARES: Final = np.where(_COUNTS > 0.0, 1.0, 0.5) / math.pi
+_FOURIER_WEIGHTS: Final = np.where(_COUNTS > 0.0, 1.0, 0.5) / math.pi
 _DEG: Final = 180.0 / math.pi
 # Speeds that differ by less than half a percent share an answer: those within a recording differ by some permille.
-_PER_SPEED: Final = 100.0
-_ROUNDED_M: Final = 5e-4
+_LOG_SPEED_STEPS: Final = 100.0
+_OFFSET_STEP_M: Final = 5e-4
 # Of the Gauss-Hermite quadrature over a window's spectrum; the narrowest window that the patterns resolve; a tread that
 # bears next to nothing.
 _ABSCISSAS, _QUADRATURE = np.polynomial.hermite.hermgauss(24)
 _QUADRATURE /= math.sqrt(math.pi)
 _NARROWEST_RAD: Final = 1.0 / PATTERNS
-_SOFTEST: Final = -0.95
+_MIN_STIFFENING: Final = -0.95
 # Damping times of belt and tread at which answers are worked out, a factor of 5 apart, and how far beyond. What the
 # sidewall's damping adds is that at the usual one: it acts on waves that the rubber's hardly reaches.
 _USUAL_LOSS_S: Final = 1.5e-5
 _LOSS_STEP: Final = math.log(5.0)
 _LOSSES_S: Final = (_USUAL_LOSS_S * math.exp(-_LOSS_STEP), _USUAL_LOSS_S, _USUAL_LOSS_S * math.exp(_LOSS_STEP))
-_BEYOND: Final = 1.3
+_MAX_LOSS_STEPS: Final = 1.3
 # At some hundred hertz steel cords lose a hundredth, rubber a tenth to a half; ln of the loss over the usual one.
 _LOSS: Final = Parameter("log_loss", "", -2.0, 2.0, 0.8, 1e-4)
 # The lowest waves are near resonance: a sidewall that loses a sixth less answers by 12 % more, and the steady shape
@@ -151,7 +151,7 @@ _TREAD_STIFFNESS: Final = LocalShape(
 _KINDS: Final = tuple(shape.change for shape in (*_SHAPES, _KINK, _TREAD_STIFFNESS))
 
 
-class _OnBelt(SignalEffect):
+class _BeltResponse(SignalEffect):
     """An effect whose reading is made of the belt's answers to patterns."""
 
     axes = (CIRCUMFERENTIAL, RADIAL)
@@ -165,7 +165,7 @@ class _OnBelt(SignalEffect):
     )
 
 
-class LocalChange(_OnBelt):
+class LocalChange(_BeltResponse):
     """A change of one kind over a window, of which two moments matter and a third may; a scan finds its place."""
 
     # Its place, width and kind are chosen among hundreds.
@@ -182,10 +182,10 @@ class LocalChange(_OnBelt):
         self.shape = shape
         self.name, self.rank = shape.name, shape.rank
         self.summary, self.equation, self.confounders = shape.summary, shape.equation, confounders
-        most, std = shape.most, shape.prior_std
+        limit, std = shape.most, shape.prior_std
         self.parameters = (
             Parameter(
-                shape.quantity, shape.unit, -most, most, std, 1e-3 * std,
+                shape.quantity, shape.unit, -limit, limit, std, 1e-3 * std,
                 factor=shape.factor, display_unit=shape.display_unit, equation_share=_EQUATION_SHARE,
             ),
             Parameter(
@@ -210,16 +210,16 @@ class LocalChange(_OnBelt):
         A fit that moves the tire's parameters by some percent moves the answer by as much of itself. Held, it does not
         jump as the contact's edges pass nodes, and is worked out once.
         """
-        held = copy(self)
-        held._answers = {}
-        return held
+        effect = copy(self)
+        effect._answers = {}
+        return effect
 
     def unit_orders(
         self, block: ModelledBlock, places_rad: FloatArray, width_rad: float, log_mass: float
     ) -> ComplexArray:
         """Return the reading of a small unit at every place (k,), usual losses and form, (k, 3, ORDERS), m/s^2."""
         amplitudes = _window(width_rad, _USUAL_KURTOSIS)[0] * np.exp(-1j * np.outer(places_rad, _COUNTS))
-        return self._orders(block, amplitudes, _between(0.0)[0], None, (_AtMass(log_mass, 1.0, 0.0),))
+        return self._orders(block, amplitudes, _loss_weights(0.0)[0], None, (_Weights(log_mass, 1.0, 0.0),))
 
     def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the size times the reading of a unit."""
@@ -228,7 +228,7 @@ class LocalChange(_OnBelt):
             return block.zeros()
         unit = _window(width, kurtosis)[0] * np.exp(-1j * angle_rad * _COUNTS)
         amplitude = self.amplitude(block, size, width)[0]
-        weights = _between(loss)[0], _by_damping(sidewall_loss)[0], _near_masses(mass)[0]
+        weights = _loss_weights(loss)[0], _damping_weights(sidewall_loss)[0], _mass_weights(mass)[0]
         orders = self._orders(block, amplitude * unit[None], *weights)
         result: FloatArray = orders_field(orders)[0]
         return result
@@ -236,18 +236,18 @@ class LocalChange(_OnBelt):
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the derivatives by size, place, width, losses, form and mass."""
         size, angle_rad, width, loss, sidewall_loss, kurtosis, mass = (float(value) for value in parameters)
-        turned = _window(width, kurtosis) * np.exp(-1j * angle_rad * _COUNTS)
-        unit, unit_by_width, unit_by_kurtosis = turned
+        window_terms = _window(width, kurtosis) * np.exp(-1j * angle_rad * _COUNTS)
+        unit, unit_by_width, unit_by_kurtosis = window_terms
         amplitude, by_size, by_width = self.amplitude(block, size, width)
         by_place = -1j * amplitude * _COUNTS * unit
-        by = (by_size * unit, by_place, by_width * unit + amplitude * unit_by_width, amplitude * unit_by_kurtosis)
-        (between, by_loss), (damping, by_damping) = _between(loss), _by_damping(sidewall_loss)
-        near, by_mass = _near_masses(mass)
-        none = np.zeros_like(damping)
-        rows = self._orders(block, np.stack(by), between, damping, near)
-        weights = (by_loss, none, near), (np.zeros_like(between), by_damping, near), (between, damping, by_mass)
-        *losses, inertia = (self._orders(block, amplitude * unit[None], *each) for each in weights)
-        return orders_field(np.concatenate([rows[:3], *losses, rows[3:], inertia]))
+        terms = (by_size * unit, by_place, by_width * unit + amplitude * unit_by_width, amplitude * unit_by_kurtosis)
+        (losses, by_loss), (damping, by_damping) = _loss_weights(loss), _damping_weights(sidewall_loss)
+        masses, by_mass = _mass_weights(mass)
+        zeros = np.zeros_like(damping)
+        rows = self._orders(block, np.stack(terms), losses, damping, masses)
+        weights = (by_loss, zeros, masses), (np.zeros_like(losses), by_damping, masses), (losses, damping, by_mass)
+        *loss_rows, mass_row = (self._orders(block, amplitude * unit[None], *weight_set) for weight_set in weights)
+        return orders_field(np.concatenate([rows[:3], *loss_rows, rows[3:], mass_row]))
 
     def amplitude(self, block: ModelledBlock, size: float, width_rad: float) -> tuple[float, float, float]:
         """Return the amplitude of the linear answer that a size has, and its derivatives by size and width."""
@@ -257,19 +257,19 @@ class LocalChange(_OnBelt):
         self,
         block: ModelledBlock,
         amplitudes: ComplexArray,
-        of_losses: FloatArray,
-        of_damping: FloatArray | None,
-        of_masses: tuple[_AtMass, ...],
+        loss_weights: FloatArray,
+        damping_weights: FloatArray | None,
+        mass_weights: tuple[_Weights, ...],
     ) -> ComplexArray:
         """Return the readings of patterns of some amplitudes, m/s^2.
 
         Args:
             block: with the belt; one without reads nothing.
             amplitudes: (k, PATTERNS).
-            of_losses: weights of the answers at each loss.
-            of_damping: weights (2,) of what the sidewall's damping adds to that at the usual loss; None in a scan,
+            loss_weights: weights of the answers at each loss.
+            damping_weights: weights (2,) of what the sidewall's damping adds to that at the usual loss; None in a scan,
                 which needs all kinds of change and only the first of each answer's terms.
-            of_masses: weights of the answers at masses of the belt.
+            mass_weights: weights of the answers at masses of the belt.
 
         Returns:
             (k, 3, ORDERS).
@@ -281,32 +281,32 @@ class LocalChange(_OnBelt):
         if conditions.reverse:
             # The pattern is the mirror image.
             amplitudes = amplitudes.conj()
-        read = np.zeros((len(amplitudes), 2 * ORDERS), dtype=np.complex128)
+        reading = np.zeros((len(amplitudes), 2 * ORDERS), dtype=np.complex128)
         for (weight, loss_s), (log_mass, value, slope) in product(
-            zip(of_losses.tolist(), _LOSSES_S, strict=True), of_masses
+            zip(loss_weights.tolist(), _LOSSES_S, strict=True), mass_weights
         ):
-            damping = [] if of_damping is None or loss_s != _USUAL_LOSS_S else (value * of_damping).tolist()
+            damping = [] if damping_weights is None or loss_s != _USUAL_LOSS_S else (value * damping_weights).tolist()
             factors = (weight * value, *damping, weight * slope)
             if any(factors):
-                answers = self._answer(block, block.belt, loss_s, log_mass, scanned=of_damping is None)
+                answers = self._answer(block, block.belt, loss_s, log_mass, scanned=damping_weights is None)
                 for factor, (ahead, behind) in zip(factors, answers, strict=False):
                     if factor:
-                        read += factor * (amplitudes @ ahead + amplitudes.conj() @ behind)
-        read *= conditions.omega_radps**2
-        result[:, _PLANE] = read.reshape(-1, 2, ORDERS)
+                        reading += factor * (amplitudes @ ahead + amplitudes.conj() @ behind)
+        reading *= conditions.omega_radps**2
+        result[:, _PLANE_AXES] = reading.reshape(-1, 2, ORDERS)
         return result
 
     def _answer(
         self, block: ModelledBlock, belt: LoadedBelt, loss_s: float, log_mass: float, *, scanned: bool
     ) -> tuple[Answer, ...]:
         conditions, change = block.conditions, self.shape.change
-        log_speed = round(_PER_SPEED * math.log(conditions.omega_radps))
+        log_speed = round(_LOG_SPEED_STEPS * math.log(conditions.omega_radps))
         key = log_speed, log_mass, conditions.load_n, conditions.pressure_pa, loss_s
         if self._answers is not None and not scanned and key in self._answers:
             return self._answers[key]
         answer = _answers(
             belt,
-            math.exp(log_speed / _PER_SPEED),
+            math.exp(log_speed / _LOG_SPEED_STEPS),
             relative_offset(block) * conditions.radius_m,
             loss_s,
             _KINDS if scanned else (change,),
@@ -332,15 +332,15 @@ class LocalTreadStiffness(LocalChange):
         law, width = block.belt.law, math.hypot(width_rad, _NARROWEST_RAD)
         square = np.square(_ABSCISSAS / (width * law.radius_m))
         tension_n = law.pressure_pa * law.tension_width_m * law.radius_m
-        over_tread = np.stack([np.ones_like(square), square, np.square(square)]) / law.tread_npm2
-        over_tread *= np.array([law.radial_npm2, tension_n, law.bending_nm2])[:, None]
-        share_of_tread = 1.0 / (1.0 + over_tread.sum(axis=0))
+        stiffness_ratios = np.stack([np.ones_like(square), square, np.square(square)]) / law.tread_npm2
+        stiffness_ratios *= np.array([law.radial_npm2, tension_n, law.bending_nm2])[:, None]
+        share_of_tread = 1.0 / (1.0 + stiffness_ratios.sum(axis=0))
         tread = float(_QUADRATURE @ share_of_tread)
-        tread_by_width = float(_QUADRATURE @ (np.square(share_of_tread) * ([0.0, 2.0, 4.0] @ over_tread))) / width
+        tread_by_width = float(_QUADRATURE @ (np.square(share_of_tread) * ([0.0, 2.0, 4.0] @ stiffness_ratios))) / width
         # Mean over the window, as its spectrum weights it: of a box its own share.
         share = size / (2.0 * math.sqrt(math.pi) * width)
-        if share < _SOFTEST:
-            return size / (1.0 + tread * _SOFTEST), 1.0 / (1.0 + tread * _SOFTEST), 0.0
+        if share < _MIN_STIFFENING:
+            return size / (1.0 + tread * _MIN_STIFFENING), 1.0 / (1.0 + tread * _MIN_STIFFENING), 0.0
         factor = 1.0 / (1.0 + tread * share)
         by_width = -size * factor**2 * share * (tread_by_width - tread / width) * width_rad / width
         return size * factor, factor**2, by_width
@@ -351,7 +351,7 @@ class LocalTreadStiffness(LocalChange):
 _BY_MASS: Final = {2: 0.1, 3: 0.35, 4: 0.6}
 
 
-class WheelOrder(_OnBelt):
+class WheelOrder(_BeltResponse):
     """Height that goes k times up and down in a turn: of the tire on the road, or of the axle."""
 
     sizes = 2
@@ -392,18 +392,18 @@ class WheelOrder(_OnBelt):
         if block.belt is None:
             return rows
         conditions, square = block.conditions, block.conditions.omega_radps**2
-        offset_m = _ROUNDED_M * round(relative_offset(block) * conditions.radius_m / _ROUNDED_M)
+        offset_m = _OFFSET_STEP_M * round(relative_offset(block) * conditions.radius_m / _OFFSET_STEP_M)
         ahead, behind = _of_order(block.belt, conditions.omega_radps, offset_m, self.change, self.order)
         # A pattern of amplitude a is a height of Re(a exp(-i k theta)).
         for row, amplitude in zip(rows, (1.0, -1j if conditions.reverse else 1j), strict=True):
             orders = square * (amplitude * ahead + np.conj(amplitude) * behind)
-            row[_PLANE] = orders_field(orders.reshape(2, ORDERS))
+            row[_PLANE_AXES] = orders_field(orders.reshape(2, ORDERS))
         if self.change is Change.RUN_OUT:
             rows[0, RADIAL] += square / conditions.radius_m * block.shape.radial_m
         return rows
 
 
-class _AtMass(NamedTuple):
+class _Weights(NamedTuple):
     """Weights of an answer at a mass, and of its slope by the mass's logarithm."""
 
     log_mass: float
@@ -463,39 +463,39 @@ def _window(width_rad: float, kurtosis: float) -> FloatArray:
         width_rad: standard deviation of the window.
         kurtosis: excess of it, 0 of a normal window.
     """
-    x, inside = width_rad * _COUNTS, min(max(kurtosis, _KURTOSIS.low), _KURTOSIS.high)
-    normal, fourth = _SHARES * np.exp(-0.5 * np.square(x)), x**4 / 24.0
-    by_x = inside * x**3 / 6.0 - x * (1.0 + inside * fourth)
-    by_kurtosis = normal * fourth * (inside == kurtosis)
-    return np.stack([normal * (1.0 + inside * fourth), normal * _COUNTS * by_x, by_kurtosis])
+    x, bounded = width_rad * _COUNTS, min(max(kurtosis, _KURTOSIS.low), _KURTOSIS.high)
+    normal, fourth = _FOURIER_WEIGHTS * np.exp(-0.5 * np.square(x)), x**4 / 24.0
+    by_x = bounded * x**3 / 6.0 - x * (1.0 + bounded * fourth)
+    by_kurtosis = normal * fourth * (bounded == kurtosis)
+    return np.stack([normal * (1.0 + bounded * fourth), normal * _COUNTS * by_x, by_kurtosis])
 
 
-def _between(log_loss: float) -> tuple[FloatArray, FloatArray]:
+def _loss_weights(log_loss: float) -> tuple[FloatArray, FloatArray]:
     """Return the weights of the answers at a loss and their derivatives, (losses,) each: a parabola in its logarithm.
 
     Args:
         log_loss: logarithm of the loss over the usual one.
     """
-    x = min(max(log_loss / _LOSS_STEP, -_BEYOND), _BEYOND)
+    x = min(max(log_loss / _LOSS_STEP, -_MAX_LOSS_STEPS), _MAX_LOSS_STEPS)
     weights = np.array([0.5 * x * (x - 1.0), 1.0 - x * x, 0.5 * x * (x + 1.0)])
     slopes = np.array([x - 0.5, -2.0 * x, x + 0.5]) / _LOSS_STEP
-    return weights, slopes * (abs(log_loss) < _BEYOND * _LOSS_STEP)
+    return weights, slopes * (abs(log_loss) < _MAX_LOSS_STEPS * _LOSS_STEP)
 
 
-def _near_masses(log_mass: float) -> tuple[tuple[_AtMass, _AtMass], tuple[_AtMass, _AtMass]]:
+def _mass_weights(log_mass: float) -> tuple[tuple[_Weights, _Weights], tuple[_Weights, _Weights]]:
     """Return the weights of the answers at the next masses, and the derivatives of these weights: a cubic."""
     step = math.floor(log_mass / _MASS_STEP)
     t = log_mass / _MASS_STEP - step
     below, above = _MASS_STEP * step, _MASS_STEP * (step + 1)
     value, slope = t * t * (3.0 - 2.0 * t), 6.0 * t * (1.0 - t) / _MASS_STEP
-    near = (
-        _AtMass(below, 1.0 - value, _MASS_STEP * t * (1.0 - t) ** 2),
-        _AtMass(above, value, _MASS_STEP * t * t * (t - 1.0)),
+    weights = (
+        _Weights(below, 1.0 - value, _MASS_STEP * t * (1.0 - t) ** 2),
+        _Weights(above, value, _MASS_STEP * t * t * (t - 1.0)),
     )
-    return near, (_AtMass(below, -slope, (1.0 - t) * (1.0 - 3.0 * t)), _AtMass(above, slope, t * (3.0 * t - 2.0)))
+    return weights, (_Weights(below, -slope, (1.0 - t) * (1.0 - 3.0 * t)), _Weights(above, slope, t * (3.0 * t - 2.0)))
 
 
-def _by_damping(log_sidewall_loss: float) -> tuple[FloatArray, FloatArray]:
+def _damping_weights(log_sidewall_loss: float) -> tuple[FloatArray, FloatArray]:
     """Return the weights of what the sidewall's damping adds to a response, and their derivatives, (2,) each.
 
     Args:
@@ -521,8 +521,8 @@ def _orders(response: ComplexArray, counts: range | tuple[int, ...]) -> Answer:
 
 
 def _other_kinds(name: str) -> tuple[Confounder, ...]:
-    others = tuple(shape.name for shape in _SHAPES if shape.name != name)
-    return (Confounder(others, "the waves beside the contact, two speeds and two loads"),)
+    names = tuple(shape.name for shape in _SHAPES if shape.name != name)
+    return (Confounder(names, "the waves beside the contact, two speeds and two loads"),)
 
 
 LOCAL_KINK: Final = LocalChange(_KINK, _other_kinds(_KINK.name))

@@ -120,9 +120,9 @@ class SensorLength(SignalEffect):
         """Return the derivative by the length."""
         rate = self._half_waves(block)
         x = rate * float(parameters[0])
-        near = np.abs(x) < _SMALL_ANGLE_RAD
-        safe = np.where(near, 1.0, x)
-        slope = np.where(near, -x / 3.0, (np.cos(safe) - np.sin(safe) / safe) / safe)
+        is_small = np.abs(x) < _SMALL_ANGLE_RAD
+        safe = np.where(is_small, 1.0, x)
+        slope = np.where(is_small, -x / 3.0, (np.cos(safe) - np.sin(safe) / safe) / safe)
         return filtered(block.signal_mps2, (rate * slope).astype(np.complex128))[np.newaxis]
 
     @staticmethod
@@ -165,11 +165,11 @@ class YawTilt(SignalEffect):
         """Return the change by the rotation."""
         yaw = _sense(block) * float(parameters[0])
         # cos - 1 without cancellation.
-        less, sine = -2.0 * math.sin(0.5 * yaw) ** 2, math.sin(yaw)
-        along, lateral = block.signal_mps2[CIRCUMFERENTIAL], block.signal_mps2[LATERAL]
+        cosine_change, sine = -2.0 * math.sin(0.5 * yaw) ** 2, math.sin(yaw)
+        circumferential, lateral = block.signal_mps2[CIRCUMFERENTIAL], block.signal_mps2[LATERAL]
         change = block.zeros()
-        change[CIRCUMFERENTIAL] = less * along - sine * lateral
-        change[LATERAL] = less * lateral + sine * along
+        change[CIRCUMFERENTIAL] = cosine_change * circumferential - sine * lateral
+        change[LATERAL] = cosine_change * lateral + sine * circumferential
         return change
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
@@ -177,10 +177,10 @@ class YawTilt(SignalEffect):
         sense = _sense(block)
         yaw = sense * float(parameters[0])
         sine, cosine = math.sin(yaw), math.cos(yaw)
-        along, lateral = block.signal_mps2[CIRCUMFERENTIAL], block.signal_mps2[LATERAL]
+        circumferential, lateral = block.signal_mps2[CIRCUMFERENTIAL], block.signal_mps2[LATERAL]
         change = block.zeros()
-        change[CIRCUMFERENTIAL] = -sine * along - cosine * lateral
-        change[LATERAL] = -sine * lateral + cosine * along
+        change[CIRCUMFERENTIAL] = -sine * circumferential - cosine * lateral
+        change[LATERAL] = -sine * lateral + cosine * circumferential
         return sense * change[None]
 
 
@@ -254,21 +254,21 @@ def _sense(block: ModelledBlock) -> float:
 def _radial_leak(block: ModelledBlock, axis: int, angle_rad: float) -> FloatArray:
     """Return the change by a rotation in the plane of an axis and the radial one, (3, FIELD_SIZE)."""
     # cos - 1 without cancellation.
-    less, sine = -2.0 * math.sin(0.5 * angle_rad) ** 2, math.sin(angle_rad)
-    other, radial = block.signal_mps2[axis], block.signal_mps2[RADIAL]
+    cosine_change, sine = -2.0 * math.sin(0.5 * angle_rad) ** 2, math.sin(angle_rad)
+    tangential, radial = block.signal_mps2[axis], block.signal_mps2[RADIAL]
     change = block.zeros()
-    change[axis] = less * other + sine * radial
-    change[RADIAL] = less * radial - sine * other
+    change[axis] = cosine_change * tangential + sine * radial
+    change[RADIAL] = cosine_change * radial - sine * tangential
     return change
 
 
 def _radial_leak_derivative(block: ModelledBlock, axis: int, angle_rad: float) -> FloatArray:
     """Return the derivative of `_radial_leak` by the angle, (3, FIELD_SIZE)."""
     sine, cosine = math.sin(angle_rad), math.cos(angle_rad)
-    other, radial = block.signal_mps2[axis], block.signal_mps2[RADIAL]
+    tangential, radial = block.signal_mps2[axis], block.signal_mps2[RADIAL]
     change = block.zeros()
-    change[axis] = cosine * radial - sine * other
-    change[RADIAL] = -cosine * other - sine * radial
+    change[axis] = cosine * radial - sine * tangential
+    change[RADIAL] = -cosine * tangential - sine * radial
     return change
 
 
@@ -325,28 +325,28 @@ class MountingResonance(SignalEffect):
 
     def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return what the resonance adds."""
-        changes = [change for change, _, _ in self._of_axes(block, parameters)]
+        changes = [change for change, _, _ in self._gains(block, parameters)]
         return np.stack([filtered(row, change) for row, change in zip(block.signal_mps2, changes, strict=True)])
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the derivatives by mass over stiffness, the ratio and the loss factor."""
         radial, ratio = float(parameters[0]), float(parameters[1])
         rows = np.zeros((3, *block.signal_mps2.shape))
-        for axis, (_, by_square, by_loss) in enumerate(self._of_axes(block, parameters)):
+        for axis, (_, by_square, by_loss) in enumerate(self._gains(block, parameters)):
             row = block.signal_mps2[axis]
-            moved = filtered(row, by_square)
-            rows[0, axis] = moved * (1.0 if axis == RADIAL else ratio**2)
-            rows[1, axis] = moved * (0.0 if axis == RADIAL else 2.0 * ratio * radial)
+            slope = filtered(row, by_square)
+            rows[0, axis] = slope * (1.0 if axis == RADIAL else ratio**2)
+            rows[1, axis] = slope * (0.0 if axis == RADIAL else 2.0 * ratio * radial)
             rows[2, axis] = filtered(row, by_loss)
         return rows
 
     @staticmethod
-    def _of_axes(block: ModelledBlock, parameters: FloatArray) -> list[tuple[ComplexArray, ComplexArray, ComplexArray]]:
+    def _gains(block: ModelledBlock, parameters: FloatArray) -> list[tuple[ComplexArray, ComplexArray, ComplexArray]]:
         """Return the change of each axis' gain, and its derivatives by mass over stiffness and the loss factor."""
         radial, ratio, loss = parameters.tolist()
         omega_square = np.square(2.0 * math.pi * order_hz(block.conditions))
-        along = _resonant(omega_square, ratio**2 * radial, loss)
-        return [along, along, _resonant(omega_square, radial, loss)]
+        tangential = _resonant(omega_square, ratio**2 * radial, loss)
+        return [tangential, tangential, _resonant(omega_square, radial, loss)]
 
 
 def _resonant(
@@ -355,9 +355,9 @@ def _resonant(
     """Return the change of the gain by a resonance, and its derivatives by mass over stiffness and the loss factor."""
     lossy = 1.0 + 1j * max(loss, _LEAST_LOSS)
     x = omega_square * mass_over_stiffness_s2
-    below = lossy - x
-    by_loss = -1j * x / below**2 if loss > _LEAST_LOSS else 0.0 * x
-    return x / below, omega_square * lossy / below**2, by_loss
+    denominator = lossy - x
+    by_loss = -1j * x / denominator**2 if loss > _LEAST_LOSS else 0.0 * x
+    return x / denominator, omega_square * lossy / denominator**2, by_loss
 
 
 SENSOR_LENGTH: Final = SensorLength()

@@ -134,22 +134,22 @@ class GainTemperature(SignalEffect):
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the derivatives by the drift and by the temperature of calibration."""
-        drift, calibrated = float(parameters[0]), float(parameters[1])
+        drift, calibration_degc = float(parameters[0]), float(parameters[1])
         change = np.zeros((2, *block.signal_mps2.shape))
-        change[0, RADIAL] = (block.conditions.temperature_degc - calibrated) * block.signal_mps2[RADIAL]
+        change[0, RADIAL] = (block.conditions.temperature_degc - calibration_degc) * block.signal_mps2[RADIAL]
         change[1, RADIAL] = -drift * block.signal_mps2[RADIAL]
         return change
 
 
 def _term(name: str, unit: str, power: int) -> Parameter:
-    most = _MAX_NONLINEARITY / _NONLINEARITY_LEVEL_MPS2**power
+    limit = _MAX_NONLINEARITY / _NONLINEARITY_LEVEL_MPS2**power
     return Parameter(
         name,
         unit,
-        low=-most,
-        high=most,
-        prior_std=0.4 * most,
-        step=1e-3 * most,
+        low=-limit,
+        high=limit,
+        prior_std=0.4 * limit,
+        step=1e-3 * limit,
         factor=100.0 * _DISPLAY_LEVEL_MPS2**power,
         display_unit=f"% at {_DISPLAY_LEVEL_MPS2:.0f} m/s^2",
         # Symmetric elements have a cube alone, most others a square alone.
@@ -227,16 +227,16 @@ class ZeroGOffset(LinearSignalEffect):
 
     def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the constants; an AC-coupled sensor does not pass them."""
-        return np.repeat((_passed(block) * parameters)[:, None], block.signal_mps2.shape[1], axis=1)
+        return np.repeat((_axis_factors(block) * parameters)[:, None], block.signal_mps2.shape[1], axis=1)
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return ones, each on its axis."""
         change = np.zeros((3, *block.signal_mps2.shape))
-        change[[0, 1, 2], [0, 1, 2]] = _passed(block)[:, None]
+        change[[0, 1, 2], [0, 1, 2]] = _axis_factors(block)[:, None]
         return change
 
 
-def _passed(block: ModelledBlock) -> FloatArray:
+def _axis_factors(block: ModelledBlock) -> FloatArray:
     """Return the factor of each constant in the data; in reverse the circumferential axis is turned round."""
     if block.conditions.ac_coupled:
         return np.zeros(3)
@@ -275,29 +275,29 @@ class Hysteresis(SignalEffect):
         change = block.zeros()
         half_width = float(parameters[0])
         if half_width:
-            change[self.axis] = math.copysign(1.0, half_width) * self._played(block, abs(half_width))[0]
+            change[self.axis] = math.copysign(1.0, half_width) * self._play(block, abs(half_width))[0]
         return change
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the derivative by the half width."""
         change = block.zeros()
-        change[self.axis] = self._played(block, abs(float(parameters[0])))[1]
+        change[self.axis] = self._play(block, abs(float(parameters[0])))[1]
         return change[np.newaxis]
 
-    def _played(self, block: ModelledBlock, half_width: float) -> tuple[FloatArray, FloatArray]:
+    def _play(self, block: ModelledBlock, half_width: float) -> tuple[FloatArray, FloatArray]:
         """Return what play adds to a signal that repeats, and its derivative, (FIELD_SIZE,) each."""
         signal = block.signal_mps2[self.axis]
-        read, slope = float(signal[0]), 0.0
-        reads, slopes = np.empty_like(signal), np.empty_like(signal)
+        reading, slope = float(signal[0]), 0.0
+        readings, slopes = np.empty_like(signal), np.empty_like(signal)
         # The first turn forgets where it began.
         for _ in range(2):
             for index, value in enumerate(signal.tolist()):
-                if read <= value - half_width:
-                    read, slope = value - half_width, -1.0
-                elif read >= value + half_width:
-                    read, slope = value + half_width, 1.0
-                reads[index], slopes[index] = read, slope
-        return reads - signal, slopes
+                if reading <= value - half_width:
+                    reading, slope = value - half_width, -1.0
+                elif reading >= value + half_width:
+                    reading, slope = value + half_width, 1.0
+                readings[index], slopes[index] = reading, slope
+        return readings - signal, slopes
 
 
 CIRCUMFERENTIAL_HYSTERESIS: Final = Hysteresis(CIRCUMFERENTIAL, 322)

@@ -30,9 +30,9 @@ _START_COUNTS: Final = tuple(float(count) for count in range(40, 112, 3))
 _START_MASSES_KGPM: Final = (3.5, 7.0)
 _START_SHARE: Final = 0.03
 _START_BENDING_S: Final = 1.5e-4
-_MASSES: Final = (0.6, 0.66, 0.73, 0.8, 0.88, 0.94, 1.0, 1.06, 1.13, 1.25, 1.37, 1.5, 1.65)
-_COUNTS: Final = tuple(range(-8, 9))
-_MASSES_NEAR: Final = (0.92, 1.0, 1.09)
+_MASS_FACTORS: Final = (0.6, 0.66, 0.73, 0.8, 0.88, 0.94, 1.0, 1.06, 1.13, 1.25, 1.37, 1.5, 1.65)
+_COUNT_STEPS: Final = tuple(range(-8, 9))
+_FINE_MASS_FACTORS: Final = (0.92, 1.0, 1.09)
 _LOSSES_S: Final = (1e-4, 3e-5)
 _SCAN_BENDING_S: Final = (1e-5, 1e-4)
 _SCAN_TREAD_S: Final = (0.0, 1e-4)
@@ -109,16 +109,16 @@ class TreadExcitation(SignalEffect):
         """
         count, mass = start[2:4]
         if stage == 0:
-            pairs = [(count, factor * mass) for factor in _MASSES]
+            pairs = [(count, factor * mass) for factor in _MASS_FACTORS]
         else:
             condition = conditions[0]
             radius, omega = condition.radius_m, condition.omega_radps
             numbers = np.array(TABLE_3_NUMBERS[:3]) * condition.load_n / TABLE_3_LOAD_NUMBER
             belt: tuple[float, float, float] = tuple((numbers * [radius**2, 1.0, radius**-2]).tolist())
             wave = belt_wave(BlockTread(count, belt[0] / mass, belt[1] / mass, 0.0, 0.0), 0, omega, radius)
-            others = [float(round(count) + step) for step in _COUNTS]
-            suits = [(other, mass_of_wave(wave.order, other, *belt, omega, radius)) for other in others]
-            pairs = [(other, factor * its_mass) for other, its_mass in suits for factor in _MASSES_NEAR]
+            block_counts = [float(round(count) + step) for step in _COUNT_STEPS]
+            trials = [(blocks, mass_of_wave(wave.order, blocks, *belt, omega, radius)) for blocks in block_counts]
+            pairs = [(blocks, factor * trial_mass) for blocks, trial_mass in trials for factor in _FINE_MASS_FACTORS]
         lowest, highest = np.array([(parameter.low, parameter.high) for parameter in self.parameters[2:4]]).T
         loss = _LOSSES_S[stage], 0.5 * _LOSSES_S[stage]
         return tuple((*start[:2], *pair, *loss) for pair in pairs if (lowest <= pair).all() and (pair <= highest).all())
@@ -138,8 +138,8 @@ class TreadExcitation(SignalEffect):
             return rows
         signal, by = _curves(block, block.belt, parameters)
         side = -1j if not block.conditions.reverse else 1j
-        turned = np.stack([signal, side * signal, *(_amplitude(block, parameters) * by)])
-        rows[:, [RADIAL, CIRCUMFERENTIAL]] = turned.real
+        curves = np.stack([signal, side * signal, *(_amplitude(block, parameters) * by)])
+        rows[:, [RADIAL, CIRCUMFERENTIAL]] = curves.real
         # At the limits of what can be solved the answer no longer changes.
         rows[2] *= parameters[2] > _LEAST_COUNT
         rows[3] *= parameters[3] > _LEAST_MASS_KGPM
@@ -159,8 +159,8 @@ def _curves(block: ModelledBlock, belt: LoadedBelt, parameters: FloatArray) -> t
     conditions = block.conditions
     offset_m = relative_offset(block) * conditions.radius_m
     response = _response(belt, blocks, conditions.omega_radps, offset_m)
-    passed = conditions.omega_radps**2 * np.exp(-1j * blocks.count * block.theta_rad)
-    signal, by = passed * response.signal, passed * response.by
+    carrier = conditions.omega_radps**2 * np.exp(-1j * blocks.count * block.theta_rad)
+    signal, by = carrier * response.signal, carrier * response.by
     by[0] -= 1j * block.theta_rad * signal
     return signal, by
 

@@ -110,11 +110,11 @@ class HubVibration(SpectrumEffect):
         """Return d density / d parameters, (P, 3, m), analytic."""
         lower, upper = _sidebands(conditions, frequency_hz, parameters)
         power = _sideband_power(conditions, parameters)
-        both = lower + upper
-        per_rms = 0.5 * float(parameters[0]) * _relative_speed(conditions) ** 2 * both[0]
+        sidebands = lower + upper
+        per_rms = 0.5 * float(parameters[0]) * _relative_speed(conditions) ** 2 * sidebands[0]
         result = np.zeros((3, 3, len(frequency_hz)))
         for axis in self.axes:
-            result[:, axis] = per_rms, power * both[1], power * both[2]
+            result[:, axis] = per_rms, power * sidebands[1], power * sidebands[2]
         return result
 
     def quadrature(self, conditions: GroupConditions, frequency_hz: FloatArray, parameters: FloatArray) -> FloatArray:
@@ -199,11 +199,11 @@ def _resonance(
         density, d density / d centre, d density / d width; (m,) each, per Hz.
     """
     frequency = np.maximum(frequency_hz, 1e-9)
-    away = (frequency - centre_hz * (centre_hz / frequency)) / width_hz
-    fall = 1.0 / (1.0 + np.square(away))
-    density = (2.0 / (math.pi * width_hz)) * fall
-    per_centre = density * fall * away * (4.0 * centre_hz / width_hz) / frequency
-    per_width = density / width_hz * (2.0 * fall * np.square(away) - 1.0)
+    detuning = (frequency - centre_hz * (centre_hz / frequency)) / width_hz
+    attenuation = 1.0 / (1.0 + np.square(detuning))
+    density = (2.0 / (math.pi * width_hz)) * attenuation
+    per_centre = density * attenuation * detuning * (4.0 * centre_hz / width_hz) / frequency
+    per_width = density / width_hz * (2.0 * attenuation * np.square(detuning) - 1.0)
     return density, per_centre, per_width
 
 
@@ -211,15 +211,15 @@ def _low_pass(frequency_hz: FloatArray, corner_hz: float, roll_off: float) -> tu
     """Return the density of unit power of road vibration, and its derivatives by corner and roll-off."""
     x = np.maximum(frequency_hz, 1e-9) / corner_hz
     power = x ** (2.0 * roll_off)
-    fall = 1.0 / (1.0 + power)
+    attenuation = 1.0 / (1.0 + power)
     # The integral is finite above m = 1/2 only; below, the shape is normalised as at the last m where it is.
     m = max(roll_off, 0.51)
-    turn = math.pi / (2.0 * m)
-    level = math.sin(turn) / turn / corner_hz
-    shape = level * fall
-    per_corner = shape / corner_hz * (2.0 * roll_off * power * fall - 1.0)
-    per_level = (1.0 - turn / math.tan(turn)) / m if roll_off > m - 1e-12 else 0.0
-    per_roll_off = shape * (per_level - 2.0 * np.log(x) * power * fall)
+    angle_rad = math.pi / (2.0 * m)
+    level = math.sin(angle_rad) / angle_rad / corner_hz
+    shape = level * attenuation
+    per_corner = shape / corner_hz * (2.0 * roll_off * power * attenuation - 1.0)
+    per_level = (1.0 - angle_rad / math.tan(angle_rad)) / m if roll_off > m - 1e-12 else 0.0
+    per_roll_off = shape * (per_level - 2.0 * np.log(x) * power * attenuation)
     return shape, per_corner, per_roll_off
 
 

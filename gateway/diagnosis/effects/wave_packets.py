@@ -13,7 +13,7 @@ from gateway.diagnosis.effects.effect import FIELD_SIZE, ModelledBlock
 # A tire-locked packet swells from nothing over this angle: the edge itself belongs to the ring.
 _ONSET_RAD: Final = 0.03
 _ORDER: Final = np.arange(FIELD_SIZE // 2 + 1, dtype=np.float64)
-_BOTH: Final = np.stack([_ORDER, -_ORDER])
+_SIGNED_ORDERS: Final = np.stack([_ORDER, -_ORDER])
 # The grid begins at -pi. Half of either side's coefficients make the real part.
 _ON_GRID: Final = 0.5 * FIELD_SIZE * (-1.0) ** _ORDER
 # Turn over the free belt below which a wave has the coefficients of this one.
@@ -54,10 +54,10 @@ class FreeBelt:
 
 def free_belt(block: ModelledBlock) -> FreeBelt:
     """Return the belt's free part."""
-    ahead = np.mod(block.leading_edge_rad - block.theta_rad, 2.0 * math.pi)
+    from_leading_rad = np.mod(block.leading_edge_rad - block.theta_rad, 2.0 * math.pi)
     length = 2.0 * math.pi - (block.trailing_edge_rad - block.leading_edge_rad)
-    outside = ahead < length
-    distance = np.stack([ahead, np.where(outside, length - ahead, 0.0)])
+    outside = from_leading_rad < length
+    distance = np.stack([from_leading_rad, np.where(outside, length - from_leading_rad, 0.0)])
     swell = -np.expm1(np.square(distance) * -(_ONSET_RAD**-2.0))
     swell[0] *= outside
     return FreeBelt(distance, swell)
@@ -83,16 +83,16 @@ class Running:
     def of(cls, block: Contact, side: int, orders: ComplexArray) -> Self:
         """Return the waves of complex orders (n,) from one edge of a block's contact."""
         length = 2.0 * math.pi - (block.trailing_edge_rad - block.leading_edge_rad)
-        edge, way = (block.leading_edge_rad, 1.0) if side == 0 else (block.trailing_edge_rad, -1.0)
-        z = orders[:, None, None] + way * _BOTH
-        turn, along = _turns(edge, way * length)
+        edge, direction = (block.leading_edge_rad, 1.0) if side == 0 else (block.trailing_edge_rad, -1.0)
+        z = orders[:, None, None] + direction * _SIGNED_ORDERS
+        edge_phases, length_phases = _phases(edge, direction * length)
         # The exponential of a sum: that over the orders of the grid serves every wave and block of the same edges.
-        end = np.exp(1j * length * orders)[:, None, None] * along
+        end = np.exp(1j * length * orders)[:, None, None] * length_phases
         short = np.abs(z) < _SHORT / length
         if short.any():
             z[short], end[short] = _SHORT / length, np.exp(1j * _SHORT)
         # From here on a coefficient is that of a constant but for a turn of its phase.
-        return cls(turn * ((end - 1.0) / (1j * z)), z, turn * end, length)
+        return cls(edge_phases * ((end - 1.0) / (1j * z)), z, edge_phases * end, length)
 
     def by_order(self) -> ComplexArray:
         """Return the derivatives of the coefficients by each order, of their shape."""
@@ -101,13 +101,13 @@ class Running:
 
 
 @lru_cache(maxsize=64)
-def _turns(edge_rad: float, length_rad: float) -> tuple[ComplexArray, ComplexArray]:
+def _phases(edge_rad: float, length_rad: float) -> tuple[ComplexArray, ComplexArray]:
     """Return exp(-i m edge) / (2 pi) and exp(i m length) of the orders m and -m, (2, FIELD_SIZE // 2 + 1) each."""
-    turn = np.exp(-1j * edge_rad * _BOTH) / (2.0 * math.pi)
-    along = np.exp(1j * length_rad * _BOTH)
-    for shared in (turn, along):
-        shared.setflags(write=False)
-    return turn, along
+    edge_phases = np.exp(-1j * edge_rad * _SIGNED_ORDERS) / (2.0 * math.pi)
+    length_phases = np.exp(1j * length_rad * _SIGNED_ORDERS)
+    for phases in (edge_phases, length_phases):
+        phases.setflags(write=False)
+    return edge_phases, length_phases
 
 
 def spectrum_of(coefficients: ComplexArray) -> ComplexArray:
@@ -126,14 +126,14 @@ def pulse(block: Contact, order: float, place_rad: float, width_rad: float) -> C
     Returns:
         The Fourier coefficients of orders m and -m, (2, FIELD_SIZE // 2 + 1).
     """
-    turn = np.exp(-1j * (block.leading_edge_rad - place_rad) * _BOTH)
-    size = width_rad / math.sqrt(2.0 * math.pi) * np.exp(-0.5 * np.square(width_rad * (order + _BOTH)))
-    result: ComplexArray = turn * size
+    phase = np.exp(-1j * (block.leading_edge_rad - place_rad) * _SIGNED_ORDERS)
+    size = width_rad / math.sqrt(2.0 * math.pi) * np.exp(-0.5 * np.square(width_rad * (order + _SIGNED_ORDERS)))
+    result: ComplexArray = phase * size
     return result
 
 
 def pulse_by(curve: ComplexArray, order: float, width_rad: float) -> ComplexArray:
     """Return the derivatives of a pulse by order, place and width, (3, 2, FIELD_SIZE // 2 + 1)."""
-    off = order + _BOTH
-    by = [-(width_rad**2) * off, 1j * _BOTH, 1.0 / width_rad - width_rad * np.square(off)]
+    order_offset = order + _SIGNED_ORDERS
+    by = [-(width_rad**2) * order_offset, 1j * _SIGNED_ORDERS, 1.0 / width_rad - width_rad * np.square(order_offset)]
     return np.stack([factor * curve for factor in by])

@@ -101,10 +101,10 @@ class AngularAcceleration(LinearSignalEffect):
         """Return domega/dt (2 theta' shape + spin)."""
         row = block.zeros()
         if block.conditions.omega_dot_radps2:
-            twice = 2.0 * from_mid_revolution(block.theta_rad)
-            along, radial = spin_projections(block)
-            row[CIRCUMFERENTIAL] = twice * block.shape.circumferential_m + along
-            row[RADIAL] = twice * closed_shape(block) + radial
+            double_angle_rad = 2.0 * from_mid_revolution(block.theta_rad)
+            circumferential, radial = spin_projections(block)
+            row[CIRCUMFERENTIAL] = double_angle_rad * block.shape.circumferential_m + circumferential
+            row[RADIAL] = double_angle_rad * closed_shape(block) + radial
             row *= block.conditions.omega_dot_radps2
         return row[np.newaxis]
 
@@ -166,8 +166,8 @@ class TorsionalRipple(SignalEffect):
         if not parameters[:2].any():
             return block.zeros()
         speed, warp, rate = (parameters[:2] @ part for part in _modulation(block, float(parameters[2])))
-        turned, steady, spin = _parts(block)
-        result: FloatArray = np.square(1.0 + speed) * _at_warped_angle(turned, warp) - turned[0]
+        inertial, steady, spin = _parts(block)
+        result: FloatArray = np.square(1.0 + speed) * _at_warped_angle(inertial, warp) - inertial[0]
         result += _at_warped_angle(steady, warp) - steady[0]
         result += (block.conditions.omega_radps**2 * rate) * _at_warped_angle(spin, warp)
         return result
@@ -176,10 +176,10 @@ class TorsionalRipple(SignalEffect):
         """Return the derivatives by both shares; the order is a whole number, which has none."""
         modulation = _modulation(block, float(parameters[2]))
         speed, warp, rate = (parameters[:2] @ part for part in modulation)
-        turned, steady, spin = _parts(block)
+        inertial, steady, spin = _parts(block)
         square = block.conditions.omega_radps**2
-        by_speed = 2.0 * (1.0 + speed) * _at_warped_angle(turned, warp)
-        by_warp = np.square(1.0 + speed) * _at_warped_angle(turned[1:], warp) + _at_warped_angle(steady[1:], warp)
+        by_speed = 2.0 * (1.0 + speed) * _at_warped_angle(inertial, warp)
+        by_warp = np.square(1.0 + speed) * _at_warped_angle(inertial[1:], warp) + _at_warped_angle(steady[1:], warp)
         by_warp += square * rate * _at_warped_angle(spin[1:], warp)
         by_rate = square * _at_warped_angle(spin, warp)
         rows = np.zeros((3, *block.signal_mps2.shape))
@@ -189,13 +189,13 @@ class TorsionalRipple(SignalEffect):
         return rows
 
 
-def _modulation(block: ModelledBlock, order: float) -> _Modulation:
+def _modulation(block: ModelledBlock, fitted_order: float) -> _Modulation:
     """Return the modulation of the nearest whole order, 1 at least."""
-    whole = max(1, round(order))
-    phase = whole * block.theta_rad
+    order = max(1, round(fitted_order))
+    phase = order * block.theta_rad
     cosine, sine = np.cos(phase), np.sin(phase)
     return _Modulation(
-        np.stack([cosine, sine]), np.stack([sine, 1.0 - cosine]) / whole, np.stack([-whole * sine, whole * cosine])
+        np.stack([cosine, sine]), np.stack([sine, 1.0 - cosine]) / order, np.stack([-order * sine, order * cosine])
     )
 
 

@@ -129,10 +129,10 @@ class Imbalance(SignalEffect):
         """
         conditions = block.conditions
         rows = np.stack([block.zeros()] * 2)
-        felt = conditions.omega_radps**2 * _relative_speed(conditions) ** growth * gravity_projections(block)
+        acceleration = conditions.omega_radps**2 * _relative_speed(conditions) ** growth * gravity_projections(block)
         waves = (np.cos(block.theta_rad), np.sin(block.theta_rad) * (-1.0 if conditions.reverse else 1.0))
         for row, wave in zip(rows, waves, strict=True):
-            row[[CIRCUMFERENTIAL, RADIAL]] = wave * felt
+            row[[CIRCUMFERENTIAL, RADIAL]] = wave * acceleration
         return rows
 
 

@@ -25,13 +25,13 @@ AngleEffect = RingEffect | SignalEffect
 
 _ORDER: Final[FloatArray] = np.arange(ORDERS, dtype=np.float64)
 # Share of the signal by which the stages behind a derivative are tried.
-_NUDGE: Final = 1e-4
+_RESPONSE_STEP_SHARE: Final = 1e-4
 # Steps of speed (relative) and of its change by which a group's answer to them is taken.
 _SPEED_STEP: Final = 1e-3
 _DRIFT_STEP_RADPS2: Final = 0.01
 # Step of the logarithm of load or pressure, and the difference within a group that is neglected.
 _STATE_STEP: Final = 1e-3
-_STEADY: Final = 1e-5
+_NEGLIGIBLE_CHANGE: Final = 1e-5
 # Standard deviation of a parameter that a fit keeps, in its steps.
 _HELD_STEPS: Final = 1e-3
 
@@ -63,11 +63,11 @@ class ClosureModel:
             held: by effect the values of parameters that a fit keeps.
         """
         self.campaign = campaign
-        self._held = dict(held or {})
+        self._held_values = dict(held or {})
         self.core = core
         ring = tuple(effect for effect in effects if not isinstance(effect, SignalEffect))
         self._signal = tuple(
-            sorted((e for e in effects if isinstance(e, SignalEffect)), key=lambda effect: effect.stage)
+            sorted((effect for effect in effects if isinstance(effect, SignalEffect)), key=lambda effect: effect.stage)
         )
         self.effects: tuple[AngleEffect, ...] = (*ring, *self._signal)
         measured = any(group.conditions.offset_measured for group in campaign.groups)
@@ -93,9 +93,9 @@ class ClosureModel:
                 where = self.layout.effect(witness.effect)
                 mean[where], std[where] = witness.value, witness.std
         for effect in self.effects:
-            if effect.name in self._held:
+            if effect.name in self._held_values:
                 where = self.layout.effect(effect.name)
-                mean[where] = self._held[effect.name]
+                mean[where] = self._held_values[effect.name]
                 std[where] = [_HELD_STEPS * parameter.step for parameter in effect.parameters]
         return mean, std
 
@@ -109,15 +109,15 @@ class ClosureModel:
         """
         _, std = self.priors(near)
         precision = np.diag(std**-2.0)
-        shared: dict[str, list[tuple[int, float]]] = {}
+        correlated: dict[str, list[tuple[int, float]]] = {}
         for effect in self.effects:
             first = self.layout.effect(effect.name).start
             for index, parameter in enumerate(effect.parameters, first):
                 if parameter.shared_std is not None:
-                    shared.setdefault(parameter.name, []).append((index, parameter.shared_std))
-        for together in shared.values():
-            if len(together) > 1:
-                places, shared_stds = [index for index, _ in together], [std for _, std in together]
+                    correlated.setdefault(parameter.name, []).append((index, parameter.shared_std))
+        for entries in correlated.values():
+            if len(entries) > 1:
+                places, shared_stds = [index for index, _ in entries], [std for _, std in entries]
                 covariance = np.outer(std[places], std[places]) + np.diag(np.square(shared_stds))
                 precision[np.ix_(places, places)] = np.linalg.inv(covariance)
         return precision
@@ -135,8 +135,8 @@ class ClosureModel:
 
     def log_choices(self) -> float:
         """Return the logarithm of the number of values that the effects' whole numbers can take."""
-        whole = (parameter for effect in self.effects for parameter in effect.parameters if parameter.whole)
-        return sum(math.log(math.floor(parameter.high) - math.ceil(parameter.low) + 1) for parameter in whole)
+        whole_numbers = (parameter for effect in self.effects for parameter in effect.parameters if parameter.whole)
+        return sum(math.log(math.floor(parameter.high) - math.ceil(parameter.low) + 1) for parameter in whole_numbers)
 
     def tire(self, vector: FloatArray, index: int) -> FloatArray:
         """Return the parameters of the tire's state, (K,), as they are at the load and pressure of one group."""
@@ -146,7 +146,7 @@ class ClosureModel:
     def shape(self, vector: FloatArray, index: int) -> Shape:
         """Return the belt's shape of one group."""
         group, tire = self.campaign.groups[index], self.tire(vector, index)
-        with _standing():
+        with _raising_no_shape():
             return self.core.shape(tire, group.conditions, self.options(vector, index), self._half_angles_rad[index])
 
     def _shapes_near(
@@ -165,10 +165,10 @@ class ClosureModel:
         if effect is None:
             return [without] * (len(points) + 1)
         group, tire, where = self.campaign.groups[index], self.tire(vector, index), self.layout.effect(name)
-        with _standing():
-            before = self.options(vector, index, without=name).rounded()
-            after, *beside = (effect.options(before, point[where], group.conditions) for point in (vector, *points))
-            changes = self.core.changes(tire, group.conditions, before, after, beside, self._half_angles_rad[index])
+        with _raising_no_shape():
+            base = self.options(vector, index, without=name).rounded()
+            changed, *nearby = (effect.options(base, point[where], group.conditions) for point in (vector, *points))
+            changes = self.core.changes(tire, group.conditions, base, changed, nearby, self._half_angles_rad[index])
         return [moved(without, change, 1.0) for change in changes]
 
     def options(self, vector: FloatArray, index: int, without: str = "") -> RingOptions:
@@ -184,7 +184,7 @@ class ClosureModel:
     def refine(self, vector: FloatArray) -> None:
         """Measure the error of the core's grid at these parameters, where it has one."""
         for index, group in enumerate(self.campaign.groups):
-            with _standing():
+            with _raising_no_shape():
                 self.core.refine(self.tire(vector, index), group.conditions, self.options(vector, index))
 
     def predict(self, vector: FloatArray) -> list[ComplexArray]:
@@ -203,41 +203,41 @@ class ClosureModel:
         """Return the orders of every block of one group, (blocks, 3, ORDERS)."""
         group = self.campaign.groups[index]
         # Blocks of a group differ by little: what the group reads, and how that answers speed and its change.
-        there = group.conditions
-        around = [there]
+        conditions = group.conditions
+        neighbours = [conditions]
         if len(group.blocks) > 1:
-            around += [
-                replace(there, omega_radps=there.omega_radps * (1.0 + _SPEED_STEP)),
-                replace(there, omega_dot_radps2=there.omega_dot_radps2 + _DRIFT_STEP_RADPS2),
+            neighbours += [
+                replace(conditions, omega_radps=conditions.omega_radps * (1.0 + _SPEED_STEP)),
+                replace(conditions, omega_dot_radps2=conditions.omega_dot_radps2 + _DRIFT_STEP_RADPS2),
             ]
         shape = self.shape(vector, index)
-        orders = np.stack([self._orders(vector, index, shape, condition) for condition in around])
-        if len(around) == 1:
+        orders = np.stack([self._orders(vector, index, shape, condition) for condition in neighbours])
+        if len(neighbours) == 1:
             return orders
-        of_square = (orders[1] - orders[0]) / (around[1].omega_radps ** 2 - there.omega_radps**2)
-        of_drift = (orders[2] - orders[0]) / _DRIFT_STEP_RADPS2
-        square, drift = _apart(group)
-        result: ComplexArray = orders[0] + square * of_square + drift * of_drift
-        for slope, apart in zip(slopes(self.core.names), _load_and_pressure_apart(group), strict=True):
-            if np.abs(apart).max() > _STEADY:
-                there_shape = shape
-                for tangent, along in zip(self._tangents(vector, index), slope.tolist(), strict=True):
-                    there_shape = moved(there_shape, tangent, _STATE_STEP * along)
-                answer = (self._orders(vector, index, there_shape, there) - orders[0]) / _STATE_STEP
-                result = result + apart * answer
+        by_square = (orders[1] - orders[0]) / (neighbours[1].omega_radps ** 2 - conditions.omega_radps**2)
+        by_drift = (orders[2] - orders[0]) / _DRIFT_STEP_RADPS2
+        square, drift = _speed_deviations(group)
+        result: ComplexArray = orders[0] + square * by_square + drift * by_drift
+        for slope, deviations in zip(slopes(self.core.names), _state_deviations(group), strict=True):
+            if np.abs(deviations).max() > _NEGLIGIBLE_CHANGE:
+                shape_at_step = shape
+                for tangent, slope_value in zip(self._tangents(vector, index), slope.tolist(), strict=True):
+                    shape_at_step = moved(shape_at_step, tangent, _STATE_STEP * slope_value)
+                derivative = (self._orders(vector, index, shape_at_step, conditions) - orders[0]) / _STATE_STEP
+                result = result + deviations * derivative
         return result
 
     def _tangents(self, vector: FloatArray, index: int) -> tuple[Shape, ...]:
         """Return the derivatives of one group's shape by the tire's parameters."""
         conditions = self.campaign.groups[index].conditions
-        with _standing():
+        with _raising_no_shape():
             options = self.options(vector, index)
             return self.core.tangent(self.tire(vector, index), conditions, options, self._half_angles_rad[index])
 
     def _orders(self, vector: FloatArray, index: int, shape: Shape, conditions: GroupConditions) -> ComplexArray:
         block = base_signal(self.core, shape, conditions)
         block, _ = self._chain(vector, block, _declared(self.campaign.groups[index]))
-        return field_orders(block.signal_mps2) * self._turn(vector, index)
+        return field_orders(block.signal_mps2) * self._order_phases(vector, index)
 
     def group_derivatives(
         self, vector: FloatArray, index: int, only: str | None = None, without: Shape | None = None
@@ -269,15 +269,15 @@ class ClosureModel:
         else:
             shape, *shapes = self._shapes_near(vector, list(points.values()), index, only, without)
         core_signal = base_signal(self.core, shape, group.conditions)
-        end, seen = self._chain(vector, core_signal, _declared(group))
-        turn = self._turn(vector, index)
-        base: ComplexArray = field_orders(end.signal_mps2) * turn
+        final_block, stage_inputs = self._chain(vector, core_signal, _declared(group))
+        phase = self._order_phases(vector, index)
+        base: ComplexArray = field_orders(final_block.signal_mps2) * phase
         places: list[int] = []
         rows: list[ComplexArray] = []
 
-        def add(position: int, step: float, there: Shape, point: FloatArray) -> None:
+        def add(position: int, step: float, shape_there: Shape, point: FloatArray) -> None:
             places.append(position)
-            rows.append((self._orders(point, index, there, group.conditions) - base) / step)
+            rows.append((self._orders(point, index, shape_there, group.conditions) - base) / step)
 
         if only is None:
             where = layout.state(group.state)
@@ -285,12 +285,12 @@ class ClosureModel:
                 add(position, float(step), moved(shape, tangent, float(step)), vector)
             places.append(layout.centre(index))
             rows.append(-1j * _ORDER * base)
-        for (position, there), shape_there in zip(points.items(), shapes, strict=True):
-            add(position, float(there[position] - vector[position]), shape_there, there)
-        wanted = [effect.name for effect in self._signal if only in (None, effect.name)]
-        if wanted:
-            rows.extend(field_orders(self._signal_rows(vector, seen, _declared(group), wanted)) * turn)
-            for name in wanted:
+        for (position, stepped_vector), shape_there in zip(points.items(), shapes, strict=True):
+            add(position, float(stepped_vector[position] - vector[position]), shape_there, stepped_vector)
+        names = [effect.name for effect in self._signal if only in (None, effect.name)]
+        if names:
+            rows.extend(field_orders(self._signal_rows(vector, stage_inputs, _declared(group), names)) * phase)
+            for name in names:
                 where = layout.effect(name)
                 places.extend(range(where.start, where.stop))
         return np.array(places, dtype=np.intp), base, np.stack(rows)
@@ -298,23 +298,23 @@ class ClosureModel:
     def _signal_rows(
         self,
         vector: FloatArray,
-        seen: Sequence[tuple[ModelledBlock, FloatArray]],
+        stage_inputs: Sequence[tuple[ModelledBlock, FloatArray]],
         mount: FloatArray | None,
-        wanted: Sequence[str],
+        names: Sequence[str],
     ) -> FloatArray:
         """Return the derivatives by the wanted effects' parameters, through the stages behind them, (k, 3, n)."""
         rows = []
         for number, effect in enumerate(self._signal):
-            if effect.name not in wanted:
+            if effect.name not in names:
                 continue
-            for row in effect.derivative(seen[number][0], vector[self.layout.effect(effect.name)]):
-                pushed = row
+            for row in effect.derivative(stage_inputs[number][0], vector[self.layout.effect(effect.name)]):
+                change = row
                 if mount is not None and effect.stage < Stage.MOUNTING:
                     # Between here and the mounting the belt's own directions hold; effects there hardly answer.
-                    pushed = mount @ pushed
-                for behind in range(number + 1, len(self._signal)):
-                    pushed = pushed + self._response(vector, *seen[behind], self._signal[behind], pushed)
-                rows.append(pushed)
+                    change = mount @ change
+                for later in range(number + 1, len(self._signal)):
+                    change = change + self._response(vector, *stage_inputs[later], self._signal[later], change)
+                rows.append(change)
         return np.stack(rows)
 
     def _response(
@@ -324,35 +324,35 @@ class ClosureModel:
         size = float(np.abs(change).max())
         if not size > 0.0:
             return np.zeros_like(change)
-        scale = _NUDGE * max(float(np.abs(block.signal_mps2).max()), 1.0) / size
+        scale = _RESPONSE_STEP_SHARE * max(float(np.abs(block.signal_mps2).max()), 1.0) / size
         parameters = vector[self.layout.effect(effect.name)]
-        there = with_signal(block, block.signal_mps2 + scale * change)
-        result: FloatArray = (effect.contribution(there, parameters) - added) / scale
+        nudged_block = with_signal(block, block.signal_mps2 + scale * change)
+        result: FloatArray = (effect.contribution(nudged_block, parameters) - added) / scale
         return result
 
     def _chain(
         self, vector: FloatArray, block: ModelledBlock, mount: FloatArray | None
     ) -> tuple[ModelledBlock, list[tuple[ModelledBlock, FloatArray]]]:
         """Return the signal with all effects, and the input and contribution of each."""
-        seen = []
+        stages = []
         for effect in self._signal:
             if mount is not None and effect.stage >= Stage.MOUNTING:
                 block, mount = with_signal(block, mount @ block.signal_mps2), None
             added = effect.contribution(block, vector[self.layout.effect(effect.name)])
-            seen.append((block, added))
+            stages.append((block, added))
             block = with_signal(block, block.signal_mps2 + added)
         if mount is not None:
             block = with_signal(block, mount @ block.signal_mps2)
-        return block, seen
+        return block, stages
 
-    def _turn(self, vector: FloatArray, index: int) -> ComplexArray:
+    def _order_phases(self, vector: FloatArray, index: int) -> ComplexArray:
         """Return the turn of each order: the waveform is that of theta - centre."""
-        turn: ComplexArray = np.exp(-1j * vector[self.layout.centre(index)] * _ORDER)
-        return turn
+        phase: ComplexArray = np.exp(-1j * vector[self.layout.centre(index)] * _ORDER)
+        return phase
 
 
 @contextmanager
-def _standing() -> Iterator[None]:
+def _raising_no_shape() -> Iterator[None]:
     """Convert every failure to solve the ring to one exception, so that no other error is mistaken for it."""
     try:
         yield
@@ -360,19 +360,19 @@ def _standing() -> Iterator[None]:
         raise NoShapeError(str(error)) from error
 
 
-def _apart(group: Group) -> tuple[FloatArray, FloatArray]:
+def _speed_deviations(group: Group) -> tuple[FloatArray, FloatArray]:
     """Return the deviations of the blocks' omega^2 and domega/dt from the group's, (blocks, 1, 1) each."""
-    there = group.conditions
-    square = np.array([block.conditions.omega_radps**2 - there.omega_radps**2 for block in group.blocks])
-    drift = np.array([block.conditions.omega_dot_radps2 - there.omega_dot_radps2 for block in group.blocks])
+    reference = group.conditions
+    square = np.array([block.conditions.omega_radps**2 - reference.omega_radps**2 for block in group.blocks])
+    drift = np.array([block.conditions.omega_dot_radps2 - reference.omega_dot_radps2 for block in group.blocks])
     return square[:, None, None], drift[:, None, None]
 
 
-def _load_and_pressure_apart(group: Group) -> tuple[FloatArray, FloatArray]:
+def _state_deviations(group: Group) -> tuple[FloatArray, FloatArray]:
     """Return the deviations of the blocks' ln load and ln pressure from the group's, (blocks, 1, 1) each."""
-    there = group.conditions
-    loads = np.array([math.log(block.conditions.load_n / there.load_n) for block in group.blocks])
-    pressures = np.array([math.log(block.conditions.pressure_pa / there.pressure_pa) for block in group.blocks])
+    reference = group.conditions
+    loads = np.array([math.log(block.conditions.load_n / reference.load_n) for block in group.blocks])
+    pressures = np.array([math.log(block.conditions.pressure_pa / reference.pressure_pa) for block in group.blocks])
     return loads[:, None, None], pressures[:, None, None]
 
 

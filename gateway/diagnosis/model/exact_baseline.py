@@ -39,20 +39,20 @@ _ANY_OMEGA_RADPS: Final = 56.0
 _GRIDS: Final = (960, 1440)
 # Scans use a coarse grid and states rounded to this share, so that one shape serves many fits.
 _COARSE: Final = (480,)
-_ROUNDED: Final = 0.1
-_KEPT_COARSE: Final = 4096
+_ROUNDING_STEP: Final = 0.1
+_MAX_CACHED_COARSE: Final = 4096
 # Derivatives are those of run-out rounded to this.
-_ROUNDED_M: Final = 1e-4
+_RUNOUT_STEP_M: Final = 1e-4
 _NODES_PER_LAYER: Final = 8.0
 # The solver's error falls with the square of the step, but for a part that depends on where contact edges lie between
 # the nodes. It is measured on a grid three times as fine: that leaves 5e-6 of the signal. One twice as fine leaves
 # 1e-5, and up to 3e-5, which at 100 km/h passes for an anti-alias filter.
-_FINER: Final = 3
+_REFINEMENT: Final = 3
 _EXTRAPOLATION: Final = 9.0 / 8.0
-_KEPT: Final = 512
+_MAX_CACHED: Final = 512
 # Half a megabyte each.
-_KEPT_TANGENTS: Final = 48
-_PLAIN: Final = RingOptions()
+_MAX_CACHED_TANGENTS: Final = 48
+_DEFAULT_OPTIONS: Final = RingOptions()
 
 
 class _Key(NamedTuple):
@@ -65,7 +65,7 @@ class _Key(NamedTuple):
     nodes: int
 
 
-class _NearKey(NamedTuple):
+class _StartKey(NamedTuple):
     load_n: float
     pressure_pa: float
     omega_radps: float
@@ -104,9 +104,9 @@ class ExactCore:
         self.prior_std: FloatArray = np.array([2.0, 1.5, 1.5, 1.5, 1.0])
         self.steps: FloatArray = np.full(5, 1e-3)
         self._cache: OrderedDict[_Key, _Solved] = OrderedDict()
-        self._near: dict[_NearKey, RingSolution] = {}
+        self._starts: dict[_StartKey, RingSolution] = {}
         # By the share as well by which a load differs from that of the group.
-        self._tangent_of: dict[tuple[_NearKey, float], RingTangent] = {}
+        self._tangent_of: dict[tuple[_StartKey, float], RingTangent] = {}
         self._corrections: dict[tuple[float, float, float], tuple[FloatArray, float, float]] = {}
         self._nodes: dict[tuple[float, float, float], int] = {}
         self._tangents = Tangents()
@@ -155,7 +155,7 @@ class ExactCore:
         """Return the derivatives of the shape by the state's parameters."""
         # So little run-out changes derivatives by 0.5 %.
         cosine_m, sine_m = (
-            _ROUNDED_M * round(x / _ROUNDED_M) for x in (options.runout_cosine_m, options.runout_sine_m)
+            _RUNOUT_STEP_M * round(value / _RUNOUT_STEP_M) for value in (options.runout_cosine_m, options.runout_sine_m)
         )
         options = replace(options, runout_cosine_m=cosine_m, runout_sine_m=sine_m)
         load, pressure, _ = _operating_point(conditions)
@@ -174,23 +174,23 @@ class ExactCore:
 
         The tangent stiffness of the one ring serves all: a shape of its own takes three to five factorisations.
         """
-        if not all(_is_first_order(options, other) for other in others):
-            return [self.shape(parameters, conditions, other, half_angle_rad) for other in others]
+        if not all(_is_first_order(options, option) for option in others):
+            return [self.shape(parameters, conditions, option, half_angle_rad) for option in others]
         shape = self.shape(parameters, conditions, options, half_angle_rad)
         solved = self._solve(parameters, conditions, options, self._grid(conditions))
         tangent = RingTangent(solved.ring, drum_radius_m=options.drum_radius_m)
         shapes: dict[int, Shape] = {}
         # A ring may be read at several depths.
-        for depth_m in {other.sensor_offset_m for other in others}:
-            numbers = [number for number, other in enumerate(others) if other.sensor_offset_m == depth_m]
+        for depth_m in {option.sensor_offset_m for option in others}:
+            numbers = [number for number, option in enumerate(others) if option.sensor_offset_m == depth_m]
             solutions = tangent.nearby(
                 [ring_parameters(parameters, conditions, others[number]) for number in numbers],
                 sensor_offset_m=depth_m,
                 drum_radii_m=[others[number].drum_radius_m for number in numbers],
             )
             for number, solution in zip(numbers, solutions, strict=True):
-                there = _on_field(solution, others[number])
-                shapes[number] = replace(moved(shape, moved(there, solved.shape, -1.0), 1.0), belt=there.belt)
+                neighbour = _on_field(solution, others[number])
+                shapes[number] = replace(moved(shape, moved(neighbour, solved.shape, -1.0), 1.0), belt=neighbour.belt)
         return [shapes[number] for number in range(len(others))]
 
     def changes(
@@ -203,24 +203,24 @@ class ExactCore:
         half_angle_rad: float,  # noqa: ARG002 - as above
     ) -> list[Shape]:
         """Return the approximate changes of the shape by other options: on a coarse grid, at a nearby state."""
-        near = tuple((np.round(parameters / _ROUNDED) * _ROUNDED).tolist())
-        base = _coarse_shape(near, conditions, before)
-        changed = _coarse_shape(near, conditions, after), *_coarse_beside(near, conditions, after, tuple(beside))
+        state = tuple((np.round(parameters / _ROUNDING_STEP) * _ROUNDING_STEP).tolist())
+        base = _coarse_shape(state, conditions, before)
+        changed = _coarse_shape(state, conditions, after), *_coarse_beside(state, conditions, after, tuple(beside))
         # The belts of the coarse grid are not that of the shape which is to change, and may differ in their unknowns.
         return [moved(replace(shape, belt=None), base, -1.0) for shape in changed]
 
     def _slopes(self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions) -> tuple[Shape, ...]:
         """Return the derivatives of a tire's shape by the state's parameters."""
-        every = [parameters, *stepped(parameters, self.steps)]
+        points = [parameters, *stepped(parameters, self.steps)]
         heights_m = options.runout_cosine_m, options.runout_sine_m
         if not any(heights_m):
-            base, *shapes = (_on_field(solution, options) for solution in self._nearby(every, conditions, options))
+            base, *shapes = (_on_field(solution, options) for solution in self._nearby(points, conditions, options))
             return slopes(base, shapes, self.steps)
-        plain = _without_run_out(options)
+        circular = _without_run_out(options)
         by_load = [
             [
-                LoadedShape(_on_field(solution, plain), solution.axle_height_m)
-                for solution in self._nearby([each - math.log1p(step) for each in every], conditions, plain, step)
+                LoadedShape(_on_field(solution, circular), solution.axle_height_m)
+                for solution in self._nearby([point - math.log1p(step) for point in points], conditions, circular, step)
             ]
             for step in load_steps(*heights_m)
         ]
@@ -237,16 +237,16 @@ class ExactCore:
         """Return the solution with the first parameters, and those near it, to first order in the difference."""
         torques_nm = None
         if options.traction:
-            free = self._nearby(parameters, conditions, replace(options, traction=0.0), load_step)
+            free_rolling = self._nearby(parameters, conditions, replace(options, traction=0.0), load_step)
             traction_nm = options.traction * conditions.load_n * conditions.radius_m
-            torques_nm = [solution.axle_torque_nm + traction_nm for solution in free[1:]]
+            torques_nm = [solution.axle_torque_nm + traction_nm for solution in free_rolling[1:]]
         nodes = self._grid(conditions)
         first, *others = parameters
         solution = self._solve(first, conditions, options, nodes, load_step).ring
         torque_nm = self._torque_nm(first, conditions, options, nodes)
         tangent = RingTangent(solution, drum_radius_m=options.drum_radius_m, axle_torque_nm=torque_nm)
-        self._tangent_of[_near_key(conditions, options, nodes), load_step] = tangent
-        if len(self._tangent_of) > _KEPT_TANGENTS:
+        self._tangent_of[_start_key(conditions, options, nodes), load_step] = tangent
+        if len(self._tangent_of) > _MAX_CACHED_TANGENTS:
             del self._tangent_of[next(iter(self._tangent_of))]
         nearby = tangent.nearby(
             [ring_parameters(point, conditions, options) for point in others],
@@ -260,11 +260,11 @@ class ExactCore:
         layer_rad = math.sqrt(
             TABLE_3_NUMBERS[0] / TABLE_3_NUMBERS[1] * math.exp(float(parameters[0]) - float(parameters[1]))
         )
-        wanted = _NODES_PER_LAYER * 2.0 * math.pi / layer_rad
-        nodes = next((nodes for nodes in self._grids if nodes >= wanted), self._grids[-1])
+        min_nodes = _NODES_PER_LAYER * 2.0 * math.pi / layer_rad
+        nodes = next((nodes for nodes in self._grids if nodes >= min_nodes), self._grids[-1])
         # The grid never becomes coarser: a fit that alternates between grids does not converge.
         nodes = self._nodes[_operating_point(conditions)] = max(nodes, self._grid(conditions))
-        coarse, fine = (self._on_grid(parameters, conditions, options, grid) for grid in (nodes, _FINER * nodes))
+        coarse, fine = (self._on_grid(parameters, conditions, options, grid) for grid in (nodes, _REFINEMENT * nodes))
         change = np.array(fine.waveform) - np.array(coarse.waveform)
         self._corrections[_operating_point(conditions)] = (
             _EXTRAPOLATION * change,
@@ -303,10 +303,10 @@ class ExactCore:
             return cached
         if options.sensor_offset_m:
             neutral = self._solve(parameters, conditions, replace(options, sensor_offset_m=0.0), nodes, load_step)
-            return self._keep(key, at_depth(neutral.ring, options.sensor_offset_m), options)
+            return self._store(key, at_depth(neutral.ring, options.sensor_offset_m), options)
         ring = ring_parameters(parameters, conditions, options)
-        near_key = _near_key(conditions, options, nodes)
-        start = self._anchor(parameters, conditions, options, nodes) if self._anchored else self._near.get(near_key)
+        start_key = _start_key(conditions, options, nodes)
+        start = self._anchor(parameters, conditions, options, nodes) if self._anchored else self._starts.get(start_key)
         solution = solve_rolling_ring(
             ring,
             conditions.load_n,
@@ -316,14 +316,14 @@ class ExactCore:
             drum_radius_m=options.drum_radius_m,
             axle_torque_nm=self._torque_nm(parameters, conditions, options, nodes),
             start=start,
-            near=None if self._anchored else self._tangent_of.get((near_key, load_step)),
+            near=None if self._anchored else self._tangent_of.get((start_key, load_step)),
         )
-        self._near[near_key] = solution
-        return self._keep(key, solution, options)
+        self._starts[start_key] = solution
+        return self._store(key, solution, options)
 
-    def _keep(self, key: _Key, solution: RingSolution, options: RingOptions) -> _Solved:
+    def _store(self, key: _Key, solution: RingSolution, options: RingOptions) -> _Solved:
         solved = self._cache[key] = _Solved(_on_field(solution, options), solution)
-        if len(self._cache) > _KEPT:
+        if len(self._cache) > _MAX_CACHED:
             self._cache.popitem(last=False)
         return solved
 
@@ -331,10 +331,10 @@ class ExactCore:
         self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions, nodes: int
     ) -> RingSolution | None:
         """Return the solution of the ring without options, None for that ring itself or where it has none."""
-        if options == _PLAIN:
+        if options == _DEFAULT_OPTIONS:
             return None
         try:
-            return self._solve(parameters, conditions, _PLAIN, nodes).ring
+            return self._solve(parameters, conditions, _DEFAULT_OPTIONS, nodes).ring
         except RingNotConvergedError:
             return None
 
@@ -344,14 +344,14 @@ class ExactCore:
         """Return the axle's torque: that of the losses plus traction; None for free rolling."""
         if not options.traction:
             return None
-        free = self._solve(parameters, conditions, replace(options, traction=0.0), nodes).ring.axle_torque_nm
-        return free + options.traction * conditions.load_n * conditions.radius_m
+        free_torque_nm = self._solve(parameters, conditions, replace(options, traction=0.0), nodes).ring.axle_torque_nm
+        return free_torque_nm + options.traction * conditions.load_n * conditions.radius_m
 
 
-def _near_key(conditions: GroupConditions, options: RingOptions, nodes: int) -> _NearKey:
+def _start_key(conditions: GroupConditions, options: RingOptions, nodes: int) -> _StartKey:
     omega = _speed_radps(conditions, options)
     with_shear, driven = bool(options.shear_length_m), bool(options.traction)
-    return _NearKey(conditions.load_n, conditions.pressure_pa, omega, nodes, with_shear, driven)
+    return _StartKey(conditions.load_n, conditions.pressure_pa, omega, nodes, with_shear, driven)
 
 
 def _speed_radps(conditions: GroupConditions, options: RingOptions) -> float:
@@ -368,12 +368,12 @@ def coarse_core() -> ExactCore:
     return ExactCore(_COARSE, anchored=True)
 
 
-@lru_cache(maxsize=_KEPT_COARSE)
+@lru_cache(maxsize=_MAX_CACHED_COARSE)
 def _coarse_shape(parameters: tuple[float, ...], conditions: GroupConditions, options: RingOptions) -> Shape:
     return coarse_core().shape(np.array(parameters), conditions, options, 0.0)
 
 
-@lru_cache(maxsize=_KEPT_COARSE)
+@lru_cache(maxsize=_MAX_CACHED_COARSE)
 def _coarse_beside(
     parameters: tuple[float, ...], conditions: GroupConditions, options: RingOptions, others: tuple[RingOptions, ...]
 ) -> tuple[Shape, ...]:
@@ -430,10 +430,10 @@ def _operating_point(conditions: GroupConditions) -> tuple[float, float, float]:
 
 def _on_field(solution: RingSolution, options: RingOptions) -> Shape:
     """Return a solution on the model's angle grid, by trigonometric interpolation."""
-    coarse = np.array(solution.sensor)
-    nodes = coarse.shape[1]
-    spectrum = np.fft.rfft(coarse, axis=1)
-    resampled = np.zeros((len(coarse), FIELD_SIZE // 2 + 1), dtype=np.complex128)
+    node_values = np.array(solution.sensor)
+    nodes = node_values.shape[1]
+    spectrum = np.fft.rfft(node_values, axis=1)
+    resampled = np.zeros((len(node_values), FIELD_SIZE // 2 + 1), dtype=np.complex128)
     count = min(nodes, FIELD_SIZE) // 2
     resampled[:, :count] = spectrum[:, :count]
     fields = np.fft.irfft(resampled, n=FIELD_SIZE, axis=1) * (FIELD_SIZE / nodes)

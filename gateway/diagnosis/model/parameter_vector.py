@@ -25,12 +25,12 @@ class Layout:
         self._state_count = states
         self._groups = groups
         self._effects: dict[str, slice] = {}
-        begin = states * core_size + groups
-        self._without_effects = begin + sum(len(effect.parameters) for effect in sensor)
+        position = states * core_size + groups
+        self._without_effects = position + sum(len(effect.parameters) for effect in sensor)
         for effect in (*sensor, *effects):
-            self._effects[effect.name] = slice(begin, begin + len(effect.parameters))
-            begin += len(effect.parameters)
-        self.size = begin
+            self._effects[effect.name] = slice(position, position + len(effect.parameters))
+            position += len(effect.parameters)
+        self.size = position
 
     def state(self, state: int) -> slice:
         """Return the places of a state's parameters."""
@@ -81,8 +81,8 @@ class Layout:
     def moved(self, vector: FloatArray, other: Layout) -> FloatArray:
         """Return a vector of this layout in another one; missing parameters are 0."""
         result = np.zeros(other.size)
-        shared = min(self.without_effects, other.without_effects)
-        result[:shared] = vector[:shared]
+        common_size = min(self.without_effects, other.without_effects)
+        result[:common_size] = vector[:common_size]
         for name, where in self._effects.items():
             if name in other._effects:
                 result[other.effect(name)] = vector[where]

@@ -17,10 +17,10 @@ _SWING_PM: Final = 50.0
 # Shares by which the loads of the shapes may differ from the middle one. They are few, so that the solutions for one
 # height serve its neighbours. With smaller ones the grid's error would be seen.
 _STEPS: Final[FloatArray] = 0.02 * np.sqrt(2.0) ** np.arange(-1, 9)
-_LAST: Final = len(_STEPS) - 2
+_LAST_LEVEL: Final = len(_STEPS) - 2
 # Seven loads are those of two polynomials of five each, one of which swings them by more.
-_NARROW: Final = [1, 2, 3, 4, 5]
-_WIDE: Final = [0, 1, 3, 5, 6]
+_NARROW_NODES: Final = [1, 2, 3, 4, 5]
+_WIDE_NODES: Final = [0, 1, 3, 5, 6]
 
 
 class LoadedShape(NamedTuple):
@@ -45,9 +45,9 @@ def _level(cosine_m: float, sine_m: float) -> tuple[int, float]:
     """
     swing = _SWING_PM * math.hypot(cosine_m, sine_m)
     steps = 2.0 * math.log2(max(swing / float(_STEPS[1]), 1e-9)) + 0.5
-    level = min(max(math.floor(steps), 0), _LAST - 1)
-    part = min(max(steps - level, 0.0), 1.0)
-    return level, part * part * (3.0 - 2.0 * part)
+    level = min(max(math.floor(steps), 0), _LAST_LEVEL - 1)
+    fraction = min(max(steps - level, 0.0), 1.0)
+    return level, fraction * fraction * (3.0 - 2.0 * fraction)
 
 
 def out_of_round(loaded: Sequence[LoadedShape], radius_m: float, cosine_m: float, sine_m: float) -> Shape:
@@ -81,9 +81,9 @@ def out_of_round(loaded: Sequence[LoadedShape], radius_m: float, cosine_m: float
 
 def _weights(nodes_m: FloatArray, height_m: FloatArray | float, share: float) -> FloatArray:
     """Return the weights (..., k) of five or seven heights (k,) for those wanted (...), a share by the wider ones."""
-    if len(nodes_m) == len(_NARROW):
+    if len(nodes_m) == len(_NARROW_NODES):
         return polynomial_weights(nodes_m, height_m)
     weights = np.zeros((*np.shape(height_m), len(nodes_m)))
-    weights[..., _NARROW] = (1.0 - share) * polynomial_weights(nodes_m[_NARROW], height_m)
-    weights[..., _WIDE] += share * polynomial_weights(nodes_m[_WIDE], height_m)
+    weights[..., _NARROW_NODES] = (1.0 - share) * polynomial_weights(nodes_m[_NARROW_NODES], height_m)
+    weights[..., _WIDE_NODES] += share * polynomial_weights(nodes_m[_WIDE_NODES], height_m)
     return weights

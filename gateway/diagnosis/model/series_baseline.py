@@ -50,9 +50,9 @@ _TERMS: Final[FloatArray] = stiffness_terms(_ORDER)
 _PRINTED: Final[FloatArray] = -np.square(np.square(_ORDER)) / math.pi
 _CORRECTED: Final[FloatArray] = -np.square(_ORDER) * (np.square(_ORDER) - 1.0) / math.pi
 # Weights of the waves n - 1 and n + 1 of a vertical push: cos theta cos n theta + sin theta sin(n theta) / n.
-_BELOW: Final[FloatArray] = 0.5 * (1.0 + 1.0 / _ORDER)
-_ABOVE: Final[FloatArray] = 0.5 * (1.0 - 1.0 / _ORDER)
-_ALL: Final[FloatArray] = np.arange(_MAX_ORDER + 2.0)
+_WEIGHT_BELOW: Final[FloatArray] = 0.5 * (1.0 + 1.0 / _ORDER)
+_WEIGHT_ABOVE: Final[FloatArray] = 0.5 * (1.0 - 1.0 / _ORDER)
+_PUSH_ORDERS: Final[FloatArray] = np.arange(_MAX_ORDER + 2.0)
 
 # From a cosine coefficient to the half-spectrum of a field that begins at -pi.
 _TO_SPECTRUM: Final[FloatArray] = 0.5 * FIELD_SIZE * np.where(_ORDER % 2.0, -1.0, 1.0)
@@ -82,7 +82,7 @@ class SeriesCore:
         """Return the shape; the exact ring is solved only where `options.tension_loss` asks for it."""
         orders = _orders(parameters, half_angle_rad, options)
         if options.tension_loss:
-            orders += options.tension_loss * self._turning(parameters)
+            orders += options.tension_loss * self._rotation_orders(parameters)
         return Shape(_waveform(orders, conditions.radius_m, options.sensor_offset_m), -half_angle_rad, half_angle_rad)
 
     def tangent(
@@ -119,15 +119,15 @@ class SeriesCore:
         values = _nominal_numbers(parameters) * (load_number / TABLE_3_LOAD_NUMBER)
         return dict(zip(self.names, (float(value) for value in values), strict=True))
 
-    def _turning(self, parameters: FloatArray) -> FloatArray:
+    def _rotation_orders(self, parameters: FloatArray) -> FloatArray:
         """Return the part of the cosine orders of s / (R omega^2), from order 1, due to the belt's finite rotation."""
         # One size and load represent all: in these parameters the shape is the same.
         nominal = np.concatenate([parameters, _NOMINAL_TREAD])
         ring = self._exact.solution(nominal, _NOMINAL, RingOptions())
-        push = ring.contact_pressure_npm * (2.0 * math.pi * _NOMINAL.radius_m / _NOMINAL.load_n)
-        normal = 0.5 * waveform_orders(push * np.cos(ring.theta_rad), _MAX_ORDER).real[1:]
-        along = -0.5 * waveform_orders(push * np.sin(ring.theta_rad), _MAX_ORDER).imag[1:]
-        linear = _CORRECTED * (normal + along / _ORDER) / _compliance_inverse(parameters)
+        pressure = ring.contact_pressure_npm * (2.0 * math.pi * _NOMINAL.radius_m / _NOMINAL.load_n)
+        normal = 0.5 * waveform_orders(pressure * np.cos(ring.theta_rad), _MAX_ORDER).real[1:]
+        tangential = -0.5 * waveform_orders(pressure * np.sin(ring.theta_rad), _MAX_ORDER).imag[1:]
+        linear = _CORRECTED * (normal + tangential / _ORDER) / _compliance_inverse(parameters)
         exact = waveform_orders(ring.sensor.radial_m / _NOMINAL.radius_m, _MAX_ORDER).real[1:]
         result: FloatArray = exact - linear
         return result
@@ -174,17 +174,17 @@ def _orders(parameters: FloatArray, half_angle_rad: float, options: RingOptions)
             as printed, at 1 n^2 - 1 under a vertical one.
     """
     # The transform of a Legendre polynomial is a spherical Bessel function; even ones alternate in sign.
-    push = spherical_jn(0, half_angle_rad * _ALL)
+    push = spherical_jn(0, half_angle_rad * _PUSH_ORDERS)
     if options.pressure_p2:
-        push = push - options.pressure_p2 * spherical_jn(2, half_angle_rad * _ALL)
+        push = push - options.pressure_p2 * spherical_jn(2, half_angle_rad * _PUSH_ORDERS)
     if options.pressure_p4:
-        push = push + options.pressure_p4 * spherical_jn(4, half_angle_rad * _ALL)
+        push = push + options.pressure_p4 * spherical_jn(4, half_angle_rad * _PUSH_ORDERS)
     if options.pressure_p6:
-        push = push - options.pressure_p6 * spherical_jn(6, half_angle_rad * _ALL)
-    load, corrected = np.zeros(_MAX_ORDER), options.kinematics
-    if corrected != 0.0:
-        load += corrected * _CORRECTED * (_BELOW * push[:-2] + _ABOVE * push[2:])
-    if corrected != 1.0:
-        load += (1.0 - corrected) * _PRINTED * push[1:-1]
+        push = push - options.pressure_p6 * spherical_jn(6, half_angle_rad * _PUSH_ORDERS)
+    load, corrected_share = np.zeros(_MAX_ORDER), options.kinematics
+    if corrected_share != 0.0:
+        load += corrected_share * _CORRECTED * (_WEIGHT_BELOW * push[:-2] + _WEIGHT_ABOVE * push[2:])
+    if corrected_share != 1.0:
+        load += (1.0 - corrected_share) * _PRINTED * push[1:-1]
     result: FloatArray = load / _compliance_inverse(parameters)
     return result

@@ -7,7 +7,7 @@ from gateway.core.types import FloatArray
 from gateway.diagnosis.effects.ring_options import RingOptions
 from gateway.diagnosis.model.baseline import Shape
 
-_MOST_POINTS: Final = 64
+_MAX_CACHED: Final = 64
 
 
 class Tangents:
@@ -36,6 +36,6 @@ class Tangents:
         slopes = self._cache.get(point)
         if slopes is None:
             slopes = self._cache[point] = work_out()
-            if len(self._cache) > _MOST_POINTS:
+            if len(self._cache) > _MAX_CACHED:
                 del self._cache[next(iter(self._cache))]
         return slopes

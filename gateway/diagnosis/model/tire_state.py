@@ -28,15 +28,15 @@ _STIFFNESSES: Final = ("Bs", *_SIDEWALL, "tread_stiffness_npm2")
 # Growth of the half angle with the load: 0.62 to 0.81 on the exact ring at 2500 to 8000 N.
 _HALF_ANGLE_EXPONENT: Final = 0.7
 # Loads or pressures that differ by less are equal.
-_SAME: Final = 1e-9
+_EQUALITY_TOLERANCE: Final = 1e-9
 
 
 def references(campaign: Campaign) -> list[GroupConditions]:
     """Return the conditions at which each state's parameters hold: those of its first group."""
-    first: dict[int, GroupConditions] = {}
+    first_conditions: dict[int, GroupConditions] = {}
     for group in campaign.groups:
-        first.setdefault(group.state, group.conditions)
-    return [first[state] for state in range(campaign.states)]
+        first_conditions.setdefault(group.state, group.conditions)
+    return [first_conditions[state] for state in range(campaign.states)]
 
 
 def shift(names: Sequence[str], there: GroupConditions, reference: GroupConditions) -> FloatArray:
@@ -80,4 +80,4 @@ def slopes(names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
 
 def _log(value: float, reference: float) -> float:
     change = math.log(value / reference)
-    return change if abs(change) > _SAME else 0.0
+    return change if abs(change) > _EQUALITY_TOLERANCE else 0.0

@@ -20,9 +20,9 @@ from gateway.diagnosis.result import Finding, Fitted, Verdict
 # Sizes and factors of sizes over which likelihoods are summed.
 _SIZES: Final = 160
 _FACTORS: Final = 41
-_REACH: Final = 4.0
+_MAX_SIGMAS: Final = 4.0
 # Folds from which the one of the largest scatter is left out of the evidence.
-_FOLDS: Final = 3
+_MIN_FOLDS: Final = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,39 +36,39 @@ class _Cause:
 
 def edge_findings(groups: Sequence[Group]) -> tuple[Finding, ...]:
     """Return the finding of contact-edge jitter; none without evidence."""
-    seen = [group for group in groups if group.edges.freedom and group.edges.noise_rad2 > 0.0]
-    if not seen:
+    measured = [group for group in groups if group.edges.freedom and group.edges.noise_rad2 > 0.0]
+    if not measured:
         return ()
-    weight = np.array([sum(group.edges.freedom) for group in seen])
-    square = np.array([group.edges.scatter_rad2 * group.conditions.radius_m**2 for group in seen])
-    std = np.array([_square_std(group) for group in seen])
+    weight = np.array([sum(group.edges.freedom) for group in measured])
+    square = np.array([group.edges.scatter_rad2 * group.conditions.radius_m**2 for group in measured])
+    std = np.array([_square_std(group) for group in measured])
     mean = float(weight @ square / weight.sum())
     mean_std = math.sqrt(float(np.square(weight * std).sum())) / float(weight.sum())
     name = CONTACT_EDGE_JITTER.name
-    nothing, alike, free = _log_evidences([_without_largest(group) for group in seen])
-    reason = _objection(seen, mean)
-    if reason is None and free + math.log(criteria.STAND_IN_ODDS) > alike:
-        largest = seen[int(np.argmax(np.abs(square - mean) / std))]
+    steady, common, separate = _log_evidences([_without_largest(group) for group in measured])
+    reason = _objection(measured, mean)
+    if reason is None and separate + math.log(criteria.STAND_IN_ODDS) > common:
+        largest = measured[int(np.argmax(np.abs(square - mean) / std))]
         reason = Reason(DiagnosisCode.SIZE_DIFFERS_BETWEEN_RECORDINGS, recording=largest.label)
     odds = math.log(criteria.PRIOR_ODDS)
     causes = (
-        _Cause(frozenset(), nothing),
-        _Cause(frozenset({name}), alike + odds, () if reason is None else ((name, reason),)),
+        _Cause(frozenset(), steady),
+        _Cause(frozenset({name}), common + odds, () if reason is None else ((name, reason),)),
     )
     posterior = over({cause.names: cause for cause in causes})
     probability = posterior.probability([name])
-    named = name in posterior.identified()
-    if probability < criteria.LISTED and (reason is None or max(alike, free) < nothing):
+    is_named = name in posterior.identified()
+    if probability < criteria.LISTED and (reason is None or max(common, separate) < steady):
         return ()
-    if reason is None and not named:
+    if reason is None and not is_named:
         reason = Reason(DiagnosisCode.PROBABILITY_TOO_LOW, probability=probability, needed=criteria.NAMED)
     return (
         Finding(
             name=name,
-            verdict=Verdict.NAMED if named else Verdict.REFUSED,
-            parameters=_parameters(seen, mean, mean_std),
-            chi2=sum(group.edges.chi2 for group in seen),
-            rms_mps2=math.sqrt(max(0.0, sum(group.edges.explained_m2ps4 for group in seen)) / len(seen)),
+            verdict=Verdict.NAMED if is_named else Verdict.REFUSED,
+            parameters=_parameters(measured, mean, mean_std),
+            chi2=sum(group.edges.chi2 for group in measured),
+            rms_mps2=math.sqrt(max(0.0, sum(group.edges.explained_m2ps4 for group in measured)) / len(measured)),
             reason=reason,
             summary=CONTACT_EDGE_JITTER.summary,
             equation=CONTACT_EDGE_JITTER.equation,
@@ -83,7 +83,7 @@ def _without_largest(group: Group) -> Group:
     """Return a group without the fold of the largest scatter: a few turns in which the speed changed are no jitter."""
     edges = group.edges
     measured_folds = [fold for fold, freedom in enumerate(edges.freedom) if freedom > 0.0]
-    if len(measured_folds) < _FOLDS:
+    if len(measured_folds) < _MIN_FOLDS:
         return group
     largest = max(measured_folds, key=lambda fold: edges.power_rad2[fold])
     remaining = [fold for fold in measured_folds if fold != largest]
@@ -100,33 +100,33 @@ def _log_evidences(groups: Sequence[Group]) -> tuple[float, float, float]:
     low = 0.01 * CONTACT_EDGE_JITTER.parameters[0].prior_std
     high = math.hypot(*(parameter.high for parameter in CONTACT_EDGE_JITTER.parameters))
     sizes = np.geomspace(low, high, _SIZES)
-    normal = np.linspace(-_REACH, _REACH, _FACTORS)
+    normal = np.linspace(-_MAX_SIGMAS, _MAX_SIGMAS, _FACTORS)
     weight = np.exp(-0.5 * np.square(normal))
     log_weight = np.log(weight / weight.sum())
-    none = 0.0
+    steady = 0.0
     spread = np.zeros((2, _SIZES))
     for group in groups:
-        none += float(_log_likelihood(group, np.zeros(1))[0])
+        steady += float(_log_likelihood(group, np.zeros(1))[0])
         for row, width in enumerate((criteria.EDGE_SPREAD, criteria.FREE_SIZE)):
-            every = sizes[:, None] * np.exp(width * normal)
+            trial_sizes = sizes[:, None] * np.exp(width * normal)
             spread[row] += np.logaddexp.reduce(
-                _log_likelihood(group, every.ravel()).reshape(every.shape) + log_weight, 1
+                _log_likelihood(group, trial_sizes.ravel()).reshape(trial_sizes.shape) + log_weight, 1
             )
-    alike, free = (float(np.logaddexp.reduce(by_size)) - math.log(_SIZES) for by_size in spread)
-    return none, alike, free
+    common, separate = (float(np.logaddexp.reduce(by_size)) - math.log(_SIZES) for by_size in spread)
+    return steady, common, separate
 
 
 def _log_likelihood(group: Group, rms_m: FloatArray) -> FloatArray:
     """Return the log likelihood of a group's mean squares by jitter of these sizes, (n,)."""
     edges = group.edges
-    normal = np.linspace(-_REACH, _REACH, _FACTORS)
+    normal = np.linspace(-_MAX_SIGMAS, _MAX_SIGMAS, _FACTORS)
     weight = np.exp(-0.5 * np.square(normal))
     noise = edges.noise_rad2 * np.exp(criteria.DENSITY_ERROR * normal)
     expected = noise + np.square(rms_m / group.conditions.radius_m)[:, None]
     total = sum(edges.freedom)
     mean = sum(f * p for f, p in zip(edges.freedom, edges.power_rad2, strict=True))
-    every = -0.5 * (total * np.log(expected) + mean / expected) + np.log(weight / weight.sum())
-    result: FloatArray = np.logaddexp.reduce(every, axis=1)
+    terms = -0.5 * (total * np.log(expected) + mean / expected) + np.log(weight / weight.sum())
+    result: FloatArray = np.logaddexp.reduce(terms, axis=1)
     return result
 
 

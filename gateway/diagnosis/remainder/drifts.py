@@ -68,41 +68,41 @@ def drifts_of(fit: Fit, data: Whitened, effects: Sequence[AngleEffect]) -> tuple
         effects: candidates of the catalogue.
     """
     groups = fit.model.campaign.groups
-    seen = [index for index, group in enumerate(groups) if len(group.blocks) >= _LEAST_BLOCKS]
-    if not seen:
+    indices = [index for index, group in enumerate(groups) if len(group.blocks) >= _LEAST_BLOCKS]
+    if not indices:
         return ()
     predicted = fit.model.predict(fit.vector)
     residuals: dict[int, ComplexArray] = {}
     excess = 0.0
-    for index in seen:
+    for index in indices:
         share = data.counts[index] / data.counts[index].sum()
         residual = data.orders[index] - predicted[index]
         residuals[index] = residual - np.tensordot(share, residual, axes=1)
         weighted = np.abs(data.weights[index] * residuals[index]) ** 2
         # A complex coefficient has two real ones; the mean takes one of the blocks.
         excess += float(weighted.sum()) - 2.0 * (len(share) - 1) * float((data.weights[index][0] > 0.0).sum())
-    tried = [_walk(fit, data, candidate, residuals) for candidate in _candidates(fit, effects)]
-    walks = sorted((walk for walk in tried if walk is not None), key=lambda walk: -walk.log_evidence)
+    trials = [_walk(fit, data, candidate, residuals) for candidate in _candidates(fit, effects)]
+    walks = sorted((walk for walk in trials if walk is not None), key=lambda walk: -walk.log_evidence)
     # As for a law: it takes half of the power beyond noise away, and its evidence outweighs the number of candidates.
-    price = math.log(max(len(walks), 1)) - math.log1p(-criteria.NAMED) + math.log(criteria.NAMED)
-    if not walks or walks[0].log_evidence < price or walks[0].removed < criteria.FAR_LESS * excess:
+    threshold = math.log(max(len(walks), 1)) - math.log1p(-criteria.NAMED) + math.log(criteria.NAMED)
+    if not walks or walks[0].log_evidence < threshold or walks[0].removed < criteria.FAR_LESS * excess:
         return ()
-    best = walks[0]
-    rivals = tuple(walk.candidate.name for walk in walks[1:] if walk.log_evidence > best.log_evidence - price)
+    strongest = walks[0]
+    rivals = tuple(walk.candidate.name for walk in walks[1:] if walk.log_evidence > strongest.log_evidence - threshold)
     return tuple(
-        _drift(fit, index, best, number, parameter, rivals)
-        for number, index in enumerate(seen)
-        for parameter in range(len(best.candidate.parameters))
-        if _is_evident(best, number, parameter)
+        _drift(fit, index, strongest, number, parameter, rivals)
+        for number, index in enumerate(indices)
+        for parameter in range(len(strongest.candidate.parameters))
+        if _is_evident(strongest, number, parameter)
     )
 
 
 def with_drifts(findings: Sequence[Finding], drifts: Sequence[Drift]) -> list[Finding]:
     """Return findings in whose errors a parameter that drifts has its change: it is one value for all recordings."""
-    judged = []
+    updated = []
     for finding in findings:
         # The standard deviation of values that are even between beginning and end, in the group of the largest change.
-        wander = {
+        spreads = {
             key: max(
                 (
                     abs(drift.end.value - drift.begin.value) / math.sqrt(12.0)
@@ -114,10 +114,10 @@ def with_drifts(findings: Sequence[Finding], drifts: Sequence[Drift]) -> list[Fi
             for key in finding.parameters
         }
         widened = {
-            key: replace(fitted, std=math.hypot(fitted.std, wander[key])) for key, fitted in finding.parameters.items()
+            key: replace(fitted, std=math.hypot(fitted.std, spreads[key])) for key, fitted in finding.parameters.items()
         }
-        judged.append(replace(finding, parameters=widened))
-    return judged
+        updated.append(replace(finding, parameters=widened))
+    return updated
 
 
 def _candidates(fit: Fit, effects: Sequence[AngleEffect]) -> Iterator[_Candidate]:
@@ -126,35 +126,35 @@ def _candidates(fit: Fit, effects: Sequence[AngleEffect]) -> Iterator[_Candidate
     names, groups = model.core.names, model.campaign.groups
     rows = [as_complex(group_rows) for group_rows in fit.rows]
     states = [group_rows[layout.state(group.state)] for group_rows, group in zip(rows, groups, strict=True)]
-    along = dict(zip(LOAD_AND_PRESSURE, slopes(names), strict=True))
-    along |= {name: np.eye(len(names))[index] for index, name in enumerate(names)}
-    for name, direction in along.items():
+    directions = dict(zip(LOAD_AND_PRESSURE, slopes(names), strict=True))
+    directions |= {name: np.eye(len(names))[index] for index, name in enumerate(names)}
+    for name, direction in directions.items():
         parameter = Parameter(name, "", -1.0, 1.0, _LOG_STD, 1e-4, factor=_PERCENT, display_unit="%")
-        turned = tuple(np.tensordot(direction, state, axes=1)[None] for state in states)
-        yield _Candidate(name, (parameter,), np.zeros(1), turned)
+        derivatives = tuple(np.tensordot(direction, state, axes=1)[None] for state in states)
+        yield _Candidate(name, (parameter,), np.zeros(1), derivatives)
     for effect in model.effects:
-        where = layout.effect(effect.name)
+        columns = layout.effect(effect.name)
         yield _Candidate(
-            effect.name, effect.parameters, fit.vector[where], tuple(group_rows[where] for group_rows in rows)
+            effect.name, effect.parameters, fit.vector[columns], tuple(group_rows[columns] for group_rows in rows)
         )
-    absent = {effect.name for effect in model.effects}
+    present = {effect.name for effect in model.effects}
     for effect in effects:
-        if isinstance(effect, SignalEffect) and effect.name not in absent:
-            larger = ClosureModel(model.campaign, model.core, (*model.effects, effect))
-            there = layout.moved(fit.vector, larger.layout)
+        if isinstance(effect, SignalEffect) and effect.name not in present:
+            extended = ClosureModel(model.campaign, model.core, (*model.effects, effect))
+            vector = layout.moved(fit.vector, extended.layout)
             values = np.array([parameter.prior_mean for parameter in effect.parameters])
-            there[larger.layout.effect(effect.name)] = values
-            of_effect = tuple(
-                larger.group_derivatives(there, index, effect.name, model.shape(fit.vector, index))[2]
+            vector[extended.layout.effect(effect.name)] = values
+            effect_rows = tuple(
+                extended.group_derivatives(vector, index, effect.name, model.shape(fit.vector, index))[2]
                 for index in range(len(groups))
             )
-            yield _Candidate(effect.name, effect.parameters, values, of_effect)
+            yield _Candidate(effect.name, effect.parameters, values, effect_rows)
 
 
 def _walk(fit: Fit, data: Whitened, candidate: _Candidate, residuals: dict[int, ComplexArray]) -> _Walk | None:
     """Return the walk of a candidate; None where the data do not contain it."""
     prior = np.array([parameter.prior_std for parameter in candidate.parameters])
-    precisions, slopes_of, kernels = [], [], []
+    precisions, gradients, kernels = [], [], []
     for index, residual in residuals.items():
         centre = as_complex(fit.rows[index][fit.model.layout.centre(index)])
         rows = np.concatenate([candidate.rows[index] * prior[:, None, None], centre[None]])
@@ -168,19 +168,19 @@ def _walk(fit: Fit, data: Whitened, candidate: _Candidate, residuals: dict[int, 
         dense = np.zeros((blocks, len(prior), blocks, len(prior)))
         dense[np.arange(blocks), :, np.arange(blocks)] = information
         precisions.append(dense.reshape(size, size))
-        slopes_of.append(slope.ravel())
+        gradients.append(slope.ravel())
     if not any(precision.any() for precision in precisions):
         return None
     solved = [
-        [_under(walk**2 * kernel, *both) for kernel, *both in zip(kernels, precisions, slopes_of, strict=True)]
+        [_evidence(walk**2 * kernel, *system) for kernel, *system in zip(kernels, precisions, gradients, strict=True)]
         for walk in _WALKS
     ]
     evidence = np.array([sum(part[0] for part in parts) for parts in solved])
-    best = solved[int(np.argmax(evidence))]
-    blocks_first = [part[1].reshape(-1, len(prior)) for part in best]
+    solutions = solved[int(np.argmax(evidence))]
+    blocks_first = [solution[1].reshape(-1, len(prior)) for solution in solutions]
     removed = sum(
-        float(2.0 * slope @ part[1] - part[1] @ precision @ part[1])
-        for part, precision, slope in zip(best, precisions, slopes_of, strict=True)
+        float(2.0 * slope @ solution[1] - solution[1] @ precision @ solution[1])
+        for solution, precision, slope in zip(solutions, precisions, gradients, strict=True)
     )
     scales = [np.tile(prior, len(mean)) for mean in blocks_first]
     return _Walk(
@@ -188,7 +188,7 @@ def _walk(fit: Fit, data: Whitened, candidate: _Candidate, residuals: dict[int, 
         float(np.logaddexp.reduce(evidence)) - math.log(len(_WALKS)),
         removed,
         tuple((mean * prior).T for mean in blocks_first),
-        tuple(part[2] * np.outer(scale, scale) for part, scale in zip(best, scales, strict=True)),
+        tuple(solution[2] * np.outer(scale, scale) for solution, scale in zip(solutions, scales, strict=True)),
     )
 
 
@@ -196,14 +196,14 @@ def _information(rows: ComplexArray, residual: ComplexArray, weights: FloatArray
     """Return information (blocks, k, k) and slope (blocks, k) of the rows but the last, which is free in each block."""
     weighted = rows[None] * weights[:, None]
     gram = np.einsum("bpan,bqan->bpq", weighted.conj(), weighted).real
-    right = np.einsum("bpan,ban->bp", weighted.conj(), residual * weights).real
-    free = np.maximum(gram[:, -1, -1], 1e-30)
+    moments = np.einsum("bpan,ban->bp", weighted.conj(), residual * weights).real
+    pivot = np.maximum(gram[:, -1, -1], 1e-30)
     cross = gram[:, :-1, -1]
-    information: FloatArray = gram[:, :-1, :-1] - cross[:, :, None] * cross[:, None] / free[:, None, None]
-    return information, right[:, :-1] - cross * (right[:, -1] / free)[:, None]
+    information: FloatArray = gram[:, :-1, :-1] - cross[:, :, None] * cross[:, None] / pivot[:, None, None]
+    return information, moments[:, :-1] - cross * (moments[:, -1] / pivot)[:, None]
 
 
-def _under(covariance: FloatArray, precision: FloatArray, slope: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+def _evidence(covariance: FloatArray, precision: FloatArray, slope: FloatArray) -> tuple[float, FloatArray, FloatArray]:
     """Return the log evidence of deviations of this prior covariance against none, their mean and their covariance."""
     matrix = np.eye(len(slope)) + covariance @ precision
     posterior: FloatArray = np.asarray(np.linalg.solve(matrix, covariance), dtype=np.float64)
@@ -233,7 +233,7 @@ def _is_evident(walk: _Walk, number: int, parameter: int) -> bool:
 
 def _drift(fit: Fit, index: int, walk: _Walk, number: int, parameter: int, rivals: tuple[str, ...]) -> Drift:
     """Return the drift of one parameter in one group."""
-    shown, group = walk.candidate.parameters[parameter], fit.model.campaign.groups[index]
+    quantity, group = walk.candidate.parameters[parameter], fit.model.campaign.groups[index]
     minutes = (group.blocks[-1].conditions.time_s - group.blocks[0].conditions.time_s) / _MINUTE_S
     change, std = _change(walk, number, parameter)
     ends, covariance = _ends(walk, number, parameter)
@@ -241,16 +241,16 @@ def _drift(fit: Fit, index: int, walk: _Walk, number: int, parameter: int, rival
     begin, end = (
         replace(
             _fitted(
-                shown,
+                quantity,
                 float(walk.candidate.values[parameter] + ends[side]),
                 math.sqrt(max(float(covariance[side, side]), 0.0)),
             ),
-            inverse_display=shown.inverse_display,
+            inverse_display=quantity.inverse_display,
         )
         for side in (0, 1)
     )
     # A parameter shown as its inverse has no rate in that unit: the rate is that of the parameter itself.
-    return Drift(walk.candidate.name, shown.name, group.label, _fitted(shown, *rate), begin, end, rivals)
+    return Drift(walk.candidate.name, quantity.name, group.label, _fitted(quantity, *rate), begin, end, rivals)
 
 
 def _fitted(parameter: Parameter, value: float, std: float) -> Fitted:

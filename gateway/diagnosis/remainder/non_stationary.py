@@ -58,12 +58,12 @@ class _Change:
         """Return whether orders [first, last) change by far more than scatter explains."""
         orders = slice(first, last)
         rms, std = self.size(axis, orders)
-        mean, signal = (math.sqrt(float(of[axis, orders].sum())) for of in (self.mean, self.signal))
+        mean, signal = (math.sqrt(float(power[axis, orders].sum())) for power in (self.mean, self.signal))
         scatter = float(self.scatter[axis, orders].sum())
-        over = float(self.power[axis, orders].sum()) / scatter if scatter > 0.0 else 0.0
+        ratio = float(self.power[axis, orders].sum()) / scatter if scatter > 0.0 else 0.0
         freedom = (self.blocks - 1) * (2 * (last - first) - (first == 0))
-        rare = over > criteria.OVER_SCATTER and float(fdtrc(freedom, _FREEDOM, over)) < criteria.RARE_CHANGE
-        return rare and rms > max(
+        is_rare = ratio > criteria.OVER_SCATTER and float(fdtrc(freedom, _FREEDOM, ratio)) < criteria.RARE_CHANGE
+        return is_rare and rms > max(
             criteria.SIGMAS_LISTED * std, criteria.CHANGE_OF_RESIDUAL * mean, criteria.CHANGE_OF_SIGNAL * signal
         )
 
@@ -77,8 +77,8 @@ def changing(fit: Fit, data: Whitened) -> tuple[Unexplained, ...]:
     ]
     entries = []
     for axis in range(3):
-        seen = [change for change in changes if change is not None]
-        bands = [band for band in itertools.pairwise(BANDS) if any(change.evident(axis, *band) for change in seen)]
+        measured = [change for change in changes if change is not None]
+        bands = [band for band in itertools.pairwise(BANDS) if any(change.evident(axis, *band) for change in measured)]
         if bands:
             entries.append(_entry(campaign.groups, changes, axis, joined(bands)))
     largest = max((entry.rms_mps2 for entry in entries), default=0.0)
@@ -104,14 +104,14 @@ def _change(group: Group, orders: ComplexArray, weights: FloatArray, predicted: 
     present = (weights > 0.0).all(axis=0)
     residual = np.where(present, orders - predicted, 0.0)
     mean = (weight * scale * residual).sum(axis=0) / (weight * np.square(scale)).sum(axis=0)
-    away = np.abs(residual - scale * mean) ** 2
+    square_deviation = np.abs(residual - scale * mean) ** 2
     # Variance of one real coefficient of a block's mean. An order has two, which POWER_SHARE halves.
     noise = np.where(present, group.variance, 0.0) / counts[:, None, None]
-    free = (len(counts) - 1) / len(counts)
+    freedom_share = (len(counts) - 1) / len(counts)
     return _Change(
-        power=POWER_SHARE * (weight * away).sum(axis=0),
-        scatter=free * (weight * noise).sum(axis=0),
-        variance=4.0 * (np.square(weight * POWER_SHARE) * away * noise).sum(axis=0),
+        power=POWER_SHARE * (weight * square_deviation).sum(axis=0),
+        scatter=freedom_share * (weight * noise).sum(axis=0),
+        variance=4.0 * (np.square(weight * POWER_SHARE) * square_deviation * noise).sum(axis=0),
         mean=POWER_SHARE * np.abs(mean) ** 2,
         signal=POWER_SHARE * np.square(np.where(present, np.abs(orders).mean(axis=0), 0.0)),
         blocks=len(counts),

@@ -35,9 +35,9 @@ def scaling_of(exponent: float, unsure: float, *, several: bool) -> Scaling:
         return Scaling(ScalingStatus.SEEN_AT_ONE_SPEED if several else ScalingStatus.ONE_SPEED)
     if unsure > 0.5:
         return Scaling(ScalingStatus.UNCERTAIN, exponent, unsure)
-    for whole in (0.0, 1.0, 2.0):
-        if abs(exponent - whole) < 0.3 + unsure:
-            return Scaling(ScalingStatus.KNOWN, whole)
+    for integer in (0.0, 1.0, 2.0):
+        if abs(exponent - integer) < 0.3 + unsure:
+            return Scaling(ScalingStatus.KNOWN, integer)
     return Scaling(ScalingStatus.KNOWN, exponent)
 
 

@@ -18,7 +18,7 @@ from gateway.diagnosis.effects.angle_orders import ORDERS, THETA, orders_field
 from gateway.diagnosis.result import Scaling, ScalingStatus, Unexplained
 
 # Probability that noise alone in one band of one axis is reported as a residual.
-_RARE: Final = 1e-6
+_MAX_PROBABILITY: Final = 1e-6
 BANDS: Final = (0, 1, 2, 3, 5, 8, 12, 18, 27, 40, 60, 85, ORDERS)
 """Bands of orders tested, each half again as wide as the one before."""
 # Share of the power that the reported angle window holds, and the widest window reported.
@@ -30,7 +30,7 @@ _HIGHEST_EXPONENT: Final = 4
 # Standard error from which an exponent is uncertain.
 _UNCERTAIN: Final = 0.5
 # Share of the largest residual below which a band is not listed.
-_NEGLIGIBLE: Final = 0.02
+_NEGLIGIBLE_SHARE: Final = 0.02
 # Standard errors above which a residual is listed.
 _SIGMAS: Final = 3.0
 
@@ -41,15 +41,15 @@ def unexplained(fit: Fit, data: Whitened) -> tuple[Unexplained, ...]:
     residuals = group_residuals(fit, data)
     entries = []
     for axis in range(3):
-        bands = [band for band in itertools.pairwise(BANDS) if _stands_out(residuals, axis, *band)]
+        bands = [band for band in itertools.pairwise(BANDS) if _is_significant(residuals, axis, *band)]
         for first, last in joined(bands):
-            entries.append(_described(campaign, residuals, axis, first, last))
+            entries.append(_entry(campaign, residuals, axis, first, last))
     entries.sort(key=lambda entry: -entry.rms_mps2)
     largest = entries[0].rms_mps2 if entries else 0.0
-    return tuple(e for e in entries if e.rms_mps2 > max(_NEGLIGIBLE * largest, _SIGMAS * e.std_mps2))
+    return tuple(e for e in entries if e.rms_mps2 > max(_NEGLIGIBLE_SHARE * largest, _SIGMAS * e.std_mps2))
 
 
-def _stands_out(residuals: Sequence[GroupResidual], axis: int, first: int, last: int) -> bool:
+def _is_significant(residuals: Sequence[GroupResidual], axis: int, first: int, last: int) -> bool:
     statistic, freedom = 0.0, 0
     for residual in residuals:
         variance = residual.variance[axis, first:last]
@@ -57,7 +57,7 @@ def _stands_out(residuals: Sequence[GroupResidual], axis: int, first: int, last:
         power = np.abs(residual.orders_mps2[axis, first:last][present]) ** 2 / variance[present]
         statistic += float(power.sum())
         freedom += 2 * int(present.sum()) - int(first == 0 and present.any())
-    return freedom > 0 and float(chdtrc(freedom, statistic)) < _RARE
+    return freedom > 0 and float(chdtrc(freedom, statistic)) < _MAX_PROBABILITY
 
 
 def joined(bands: list[tuple[int, int]]) -> list[tuple[int, int]]:
@@ -71,7 +71,7 @@ def joined(bands: list[tuple[int, int]]) -> list[tuple[int, int]]:
     return joined
 
 
-def _described(campaign: Campaign, residuals: Sequence[GroupResidual], axis: int, first: int, last: int) -> Unexplained:
+def _entry(campaign: Campaign, residuals: Sequence[GroupResidual], axis: int, first: int, last: int) -> Unexplained:
     power = np.array([np.maximum(r.excess()[axis, first:last], 0.0).sum() for r in residuals])
     error = np.array([_rms_error(r, axis, first, last) for r in residuals])
     rms = np.sqrt(power)
@@ -127,11 +127,11 @@ def _scaling(omegas: FloatArray, states: IntArray, rms: FloatArray, error: Float
         return Scaling(ScalingStatus.ONE_SPEED)
     if not _has_speeds(omegas, states):
         return Scaling(ScalingStatus.SPEED_WITH_LOAD)
-    sure = rms > 3.0 * error
-    if not _has_speeds(omegas[sure], states[sure]):
+    is_certain = rms > 3.0 * error
+    if not _has_speeds(omegas[is_certain], states[is_certain]):
         return Scaling(ScalingStatus.TOO_WEAK)
-    weight = rms[sure] / error[sure]
-    slope, slope_error = _slope(np.log(omegas[sure]), np.log(rms[sure]), states[sure], weight)
+    weight = rms[is_certain] / error[is_certain]
+    slope, slope_error = _slope(np.log(omegas[is_certain]), np.log(rms[is_certain]), states[is_certain], weight)
     nearest = min(range(_HIGHEST_EXPONENT + 1), key=lambda power: abs(slope - power))
     if abs(slope - nearest) < max(0.35, 2.0 * slope_error) and slope_error < 0.5:
         return Scaling(ScalingStatus.KNOWN, float(nearest))
@@ -151,8 +151,8 @@ def _slope(x: FloatArray, y: FloatArray, states: IntArray, weight: FloatArray) -
     square = np.square(np.minimum(weight, 20.0))
     product = spread = 0.0
     for state in np.unique(states):
-        inside = states == state
-        away = x[inside] - float(square[inside] @ x[inside] / square[inside].sum())
-        product += float(square[inside] @ (away * y[inside]))
-        spread += float(square[inside] @ np.square(away))
+        in_state = states == state
+        centred = x[in_state] - float(square[in_state] @ x[in_state] / square[in_state].sum())
+        product += float(square[in_state] @ (centred * y[in_state]))
+        spread += float(square[in_state] @ np.square(centred))
     return product / spread, 1.0 / math.sqrt(spread)

@@ -14,11 +14,11 @@ from gateway.diagnosis.result import Finding, SingleSize, Verdict
 def rate_findings(campaign: Campaign) -> tuple[Finding, ...]:
     """Return the findings of rates of the wheel; none without evidence in any recording."""
     by_recording = {campaign.recordings[group.recording]: group.rates for group in campaign.groups}
-    every: dict[str, dict[str, WheelRate]] = {}
-    for name, of_recording in by_recording.items():
-        for rate in of_recording:
-            every.setdefault(rate.effect.name, {})[name] = rate
-    return tuple(finding for rates in every.values() if (finding := _finding(rates)) is not None)
+    rates_by_effect: dict[str, dict[str, WheelRate]] = {}
+    for name, recording_rates in by_recording.items():
+        for rate in recording_rates:
+            rates_by_effect.setdefault(rate.effect.name, {})[name] = rate
+    return tuple(finding for rates in rates_by_effect.values() if (finding := _finding(rates)) is not None)
 
 
 def _finding(rates: dict[str, WheelRate]) -> Finding | None:
@@ -26,7 +26,7 @@ def _finding(rates: dict[str, WheelRate]) -> Finding | None:
     turning = [rate for rate in rates.values() if rate.shown]
     # A recording in which the wheel turns says nothing of others.
     strongest = max(turning or rates.values(), key=lambda rate: rate.log_evidence)
-    shown = turning or [strongest]
+    reported = turning or [strongest]
     log_odds = strongest.log_evidence + math.log(criteria.PRIOR_ODDS)
     probability = 1.0 / (1.0 + math.exp(-min(max(log_odds, -500.0), 500.0)))
     if not turning and probability < criteria.LISTED:
@@ -34,7 +34,7 @@ def _finding(rates: dict[str, WheelRate]) -> Finding | None:
     parameter = strongest.effect.parameters[0]
 
     def rms(attribute: str) -> float:
-        return math.sqrt(sum(getattr(rate, attribute) ** 2 for rate in shown) / len(shown))
+        return math.sqrt(sum(getattr(rate, attribute) ** 2 for rate in reported) / len(reported))
 
     size, std = rms("rms_radps"), rms("std_radps")
     reason: Reason | None = None
@@ -48,7 +48,7 @@ def _finding(rates: dict[str, WheelRate]) -> Finding | None:
         name=strongest.effect.name,
         verdict=Verdict.NAMED if reason is None else Verdict.REFUSED,
         parameters={parameter.name: fitted_parameter(parameter, size, std)},
-        chi2=2.0 * sum(rate.log_evidence for rate in shown),
+        chi2=2.0 * sum(rate.log_evidence for rate in reported),
         rms_mps2=rms("rms_mps2"),
         rms_before_mps2=rms("before_mps2"),
         rms_after_mps2=rms("after_mps2"),

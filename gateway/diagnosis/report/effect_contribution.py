@@ -43,32 +43,32 @@ def contribution_table(fit: Fit, findings: tuple[Finding, ...]) -> CorrectionTab
     campaign = fit.model.campaign
     index = _reference(campaign)
     group = campaign.groups[index]
-    way = group.conditions.reverse
-    of_state = [other for other in campaign.groups if (other.state, other.conditions.reverse) == (group.state, way)]
-    seen = np.array([other.conditions.omega_radps for other in of_state])
-    low, high = float(seen.min()) * (1.0 - _SPEED_MARGIN), float(seen.max()) * (1.0 + _SPEED_MARGIN)
+    reverse = group.conditions.reverse
+    of_state = [entry for entry in campaign.groups if (entry.state, entry.conditions.reverse) == (group.state, reverse)]
+    speeds_radps = np.array([entry.conditions.omega_radps for entry in of_state])
+    low, high = float(speeds_radps.min()) * (1.0 - _SPEED_MARGIN), float(speeds_radps.max()) * (1.0 + _SPEED_MARGIN)
     omegas = np.linspace(low, high, _SPEEDS)
     imagined = tuple(_at_speed(group, float(omega)) for omega in omegas)
-    alone = Campaign(campaign.wheel, campaign.recordings, imagined, 1, {})
-    with_all = ClosureModel(alone, fit.model.core, fit.model.effects)
-    vector = np.zeros(with_all.layout.size)
-    vector[with_all.layout.state(0)] = fit.model.tire(fit.vector, index)
+    imagined_campaign = Campaign(campaign.wheel, campaign.recordings, imagined, 1, {})
+    model = ClosureModel(imagined_campaign, fit.model.core, fit.model.effects)
+    vector = np.zeros(model.layout.size)
+    vector[model.layout.state(0)] = fit.model.tire(fit.vector, index)
     for number in range(len(imagined)):
-        vector[with_all.layout.centre(number)] = fit.vector[fit.model.layout.centre(index)]
+        vector[model.layout.centre(number)] = fit.vector[fit.model.layout.centre(index)]
     sensor = fit.vector[fit.model.layout.sensor]
-    vector[with_all.layout.sensor] = sensor
+    vector[model.layout.sensor] = sensor
     for effect in fit.model.effects:
-        vector[with_all.layout.effect(effect.name)] = fit.vector[fit.model.layout.effect(effect.name)]
-    without = vector.copy()
+        vector[model.layout.effect(effect.name)] = fit.vector[fit.model.layout.effect(effect.name)]
+    vector_without = vector.copy()
     for effect in effects:
-        without[with_all.layout.effect(effect.name)] = 0.0
+        vector_without[model.layout.effect(effect.name)] = 0.0
     try:
-        change = [a[0] - b[0] for a, b in zip(with_all.predict(vector), with_all.predict(without), strict=True)]
+        change = [a[0] - b[0] for a, b in zip(model.predict(vector), model.predict(vector_without), strict=True)]
     except NoShapeError:
         # Without its effects the ring has no solution at these parameters, so there is nothing to subtract from.
         return None
     orders = np.stack(change)
-    if way:
+    if reverse:
         # Only a diagnosis turns the circumferential axis of reverse recordings to the rolling direction.
         orders[:, CIRCUMFERENTIAL] *= -1.0
     load, pressure = group.conditions.load_n, group.conditions.pressure_pa
@@ -76,7 +76,7 @@ def contribution_table(fit: Fit, findings: tuple[Finding, ...]) -> CorrectionTab
         position=campaign.wheel,
         omega_radps=omegas,
         orders_mps2=orders,
-        effects=tuple(CorrectedEffect(effect.name, _told(named[effect.name])) for effect in effects),
+        effects=tuple(CorrectedEffect(effect.name, _effect_parameters(named[effect.name])) for effect in effects),
         radius_m=group.conditions.radius_m,
         omega_range_radps=(low, high),
         load_range_n=_around(load, _LOAD_MARGIN) if group.load_known else None,
@@ -94,12 +94,12 @@ def added_by(fit: Fit, effect: AngleEffect) -> list[ComplexArray]:
 
     It is not computed from derivatives: an order or a decay of 0 is not the absence of the effect.
     """
-    without = fit.vector.copy()
-    without[fit.model.layout.effect(effect.name)] = 0.0
+    vector_without = fit.vector.copy()
+    vector_without[fit.model.layout.effect(effect.name)] = 0.0
     added = []
     for index, predicted in enumerate(fit.predicted):
         try:
-            added.append(fit.model.predict_mean(fit.vector, index) - fit.model.predict_mean(without, index))
+            added.append(fit.model.predict_mean(fit.vector, index) - fit.model.predict_mean(vector_without, index))
         except (NoShapeError, np.linalg.LinAlgError):
             # Without the effect the ring has no solution at these parameters.
             added.append(predicted * math.nan)
@@ -116,8 +116,8 @@ def _reference(campaign: Campaign) -> int:
     of_state = [0] * campaign.states
     for group, count in zip(campaign.groups, counts, strict=True):
         of_state[group.state] += count
-    best = int(np.argmax(of_state))
-    return max((i for i, g in enumerate(campaign.groups) if g.state == best), key=lambda i: counts[i])
+    main_state = int(np.argmax(of_state))
+    return max((i for i, g in enumerate(campaign.groups) if g.state == main_state), key=lambda i: counts[i])
 
 
 def _at_speed(group: Group, omega_radps: float) -> Group:
@@ -136,5 +136,5 @@ def _around(value: float, margin: float) -> tuple[float, float]:
     return value * (1.0 - margin), value * (1.0 + margin)
 
 
-def _told(parameters: Mapping[str, Fitted]) -> tuple[EffectParameter, ...]:
+def _effect_parameters(parameters: Mapping[str, Fitted]) -> tuple[EffectParameter, ...]:
     return tuple(EffectParameter(name, p.value, p.std, p.unit) for name, p in parameters.items())

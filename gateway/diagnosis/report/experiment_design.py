@@ -26,25 +26,25 @@ _DISTINGUISHED: Final = 25.0
 _STEPS: Final = 4
 _ROUGH: Final = 0.02
 # Effects independent of speed, load, temperature and direction need another kind of recording.
-_AT_REST: Final = {frozenset(("camber", "zero-g offset")): Reason(DiagnosisCode.RECORD_AGAIN, how="at_rest")}
+_AT_STANDSTILL: Final = {frozenset(("camber", "zero-g offset")): Reason(DiagnosisCode.RECORD_AGAIN, how="at_rest")}
 NOTHING: Final = Reason(DiagnosisCode.RECORD_AGAIN, how="none_decides")
 
 
-def _at(quantity: str, ratio: float) -> Reason:
+def _at_ratio(quantity: str, ratio: float) -> Reason:
     return Reason(DiagnosisCode.RECORD_AGAIN, how="ratio", quantity=quantity, ratio=ratio)
 
 
-_OTHERS: Final[tuple[tuple[Reason, Callable[[GroupConditions], GroupConditions]], ...]] = (
-    (_at("speed", 1.5), lambda c: replace(c, omega_radps=1.5 * c.omega_radps)),
-    (_at("speed", 0.25), lambda c: replace(c, omega_radps=0.25 * c.omega_radps)),
-    (_at("speed", 0.6), lambda c: replace(c, omega_radps=0.6 * c.omega_radps)),
+_OPTIONS: Final[tuple[tuple[Reason, Callable[[GroupConditions], GroupConditions]], ...]] = (
+    (_at_ratio("speed", 1.5), lambda c: replace(c, omega_radps=1.5 * c.omega_radps)),
+    (_at_ratio("speed", 0.25), lambda c: replace(c, omega_radps=0.25 * c.omega_radps)),
+    (_at_ratio("speed", 0.6), lambda c: replace(c, omega_radps=0.6 * c.omega_radps)),
     (Reason(DiagnosisCode.RECORD_AGAIN, how="reversed"), lambda c: replace(c, reverse=not c.reverse)),
     (
         Reason(DiagnosisCode.RECORD_AGAIN, how="warmer", difference_k=20.0),
         lambda c: replace(c, temperature_degc=c.temperature_degc + 20.0),
     ),
-    (_at("load", 1.4), lambda c: replace(c, load_n=1.4 * c.load_n)),
-    (_at("pressure", 0.7), lambda c: replace(c, pressure_pa=0.7 * c.pressure_pa)),
+    (_at_ratio("load", 1.4), lambda c: replace(c, load_n=1.4 * c.load_n)),
+    (_at_ratio("pressure", 0.7), lambda c: replace(c, pressure_pa=0.7 * c.pressure_pa)),
 )
 
 
@@ -56,16 +56,16 @@ def deciding_recording(final: Fit, effect: AngleEffect, rival: AngleEffect) -> R
     """
     if CLOCK in (effect.name, rival.name):
         return _clock_decides(final.model.campaign)
-    at_rest = _AT_REST.get(frozenset((effect.name, rival.name)))
-    if at_rest is not None:
-        return at_rest
-    others = tuple(other for other in final.model.effects if other.name != effect.name)
-    best: tuple[float, Reason] | None = None
-    for recording, change in _OTHERS:
+    standstill = _AT_STANDSTILL.get(frozenset((effect.name, rival.name)))
+    if standstill is not None:
+        return standstill
+    others = tuple(entry for entry in final.model.effects if entry.name != effect.name)
+    best_option: tuple[float, Reason] | None = None
+    for recording, change in _OPTIONS:
         gain = _distinction(final, (*others, rival), change)
-        if gain is not None and gain > _DISTINGUISHED and (best is None or gain > best[0]):
-            best = (gain, recording)
-    return NOTHING if best is None else best[1]
+        if gain is not None and gain > _DISTINGUISHED and (best_option is None or gain > best_option[0]):
+            best_option = (gain, recording)
+    return NOTHING if best_option is None else best_option[1]
 
 
 def _clock_decides(campaign: Campaign) -> Reason:
@@ -84,11 +84,11 @@ def _distinction(
     """Return the misfit that the rivals have with another recording beyond that without it; None if a fit fails."""
     campaign, size = final.model.campaign, len(final.model.campaign.groups)
     reference = reference_group(campaign)
-    there = change(reference.conditions)
+    conditions = change(reference.conditions)
     # The recording has the same duration, so a lower speed gives fewer revolutions.
-    share = there.omega_radps / reference.conditions.omega_radps
-    count = max(1, round(share * sum(block.count for block in reference.blocks)))
-    larger = with_recording(campaign, there, count)
+    speed_ratio = conditions.omega_radps / reference.conditions.omega_radps
+    count = max(1, round(speed_ratio * sum(block.count for block in reference.blocks)))
+    larger = with_recording(campaign, conditions, count)
     truth = ClosureModel(larger, final.model.core, final.model.effects)
     vector = carried(final.model, truth, final.vector)
     try:
@@ -98,14 +98,14 @@ def _distinction(
         data = whiten(imagined, truth.core)
         rivals = ClosureModel(imagined, final.model.core, effects)
         start = truth.layout.moved(vector, rivals.layout)
-        everything = fit_model(rivals, data, start, most_steps=_STEPS, rough=_ROUGH).misfit
-        alone = replace(imagined, groups=imagined.groups[:size], states=campaign.states)
-        few = ClosureModel(alone, final.model.core, effects)
-        before = _carried_back(rivals, few, start)
-        at_hand = fit_model(few, whiten(alone, truth.core), before, most_steps=_STEPS, rough=_ROUGH).misfit
+        larger_misfit = fit_model(rivals, data, start, most_steps=_STEPS, rough=_ROUGH).misfit
+        recorded = replace(imagined, groups=imagined.groups[:size], states=campaign.states)
+        reduced = ClosureModel(recorded, final.model.core, effects)
+        reduced_start = _carried_back(rivals, reduced, start)
+        misfit = fit_model(reduced, whiten(recorded, truth.core), reduced_start, most_steps=_STEPS, rough=_ROUGH).misfit
     except (FitFailedError, NoShapeError):
         return None
-    return everything - at_hand
+    return larger_misfit - misfit
 
 
 def _as_predicted(campaign: Campaign, model: ClosureModel, vector: FloatArray) -> Campaign:

@@ -46,7 +46,7 @@ def apart_from(findings: Sequence[Finding], other: Mapping[str, FloatArray]) -> 
         other: parameters of each effect by name, (K,); findings of others stay.
     """
     return [
-        replace(finding, parameters=_apart(finding.parameters, other[finding.name]))
+        replace(finding, parameters=_with_distance(finding.parameters, other[finding.name]))
         if finding.name in other
         else finding
         for finding in findings
@@ -62,9 +62,9 @@ def confirmed(findings: Sequence[Finding], absent: Mapping[str, float]) -> list[
     """
     judged = []
     for finding in findings:
-        against = [(name, absent[name]) for name in (finding.name, *finding.rivals) if name in absent]
-        if against and finding.verdict is not Verdict.REFUSED:
-            name, chi2 = against[0]
+        unconfirmed = [(name, absent[name]) for name in (finding.name, *finding.rivals) if name in absent]
+        if unconfirmed and finding.verdict is not Verdict.REFUSED:
+            name, chi2 = unconfirmed[0]
             reason = Reason(DiagnosisCode.NOT_ON_EXACT_RING, effect=name, errors=math.sqrt(chi2))
             finding = replace(finding, verdict=Verdict.REFUSED, rivals=(), decide_with=None, reason=reason)
         judged.append(finding)
@@ -111,9 +111,9 @@ def of_common_size(findings: Sequence[Finding]) -> list[Finding]:
     judged = []
     for finding in findings:
         if finding.verdict is Verdict.NAMED and (errors := _from_single(finding)):
-            away = max(errors)
-            if len(errors) * math.erfc(away / math.sqrt(2.0)) < 1.0 - criteria.NAMED:
-                reason = Reason(DiagnosisCode.SIZES_DIFFER, chi2=away**2, freedom=1)
+            largest_error = max(errors)
+            if len(errors) * math.erfc(largest_error / math.sqrt(2.0)) < 1.0 - criteria.NAMED:
+                reason = Reason(DiagnosisCode.SIZES_DIFFER, chi2=largest_error**2, freedom=1)
                 finding = replace(finding, verdict=Verdict.REFUSED, reason=reason)
         judged.append(finding)
     return judged
@@ -134,10 +134,10 @@ def _from_single(finding: Finding) -> list[float]:
     return errors
 
 
-def _apart(parameters: Mapping[str, Fitted], other: FloatArray) -> dict[str, Fitted]:
+def _with_distance(parameters: Mapping[str, Fitted], references: FloatArray) -> dict[str, Fitted]:
     return {
-        name: replace(fitted, std=math.hypot(fitted.std, fitted.value - there))
-        for (name, fitted), there in zip(parameters.items(), other.tolist(), strict=True)
+        name: replace(fitted, std=math.hypot(fitted.std, fitted.value - reference))
+        for (name, fitted), reference in zip(parameters.items(), references.tolist(), strict=True)
     }
 
 
@@ -156,7 +156,7 @@ def _finding(
         parameters=parameters_over_sets(
             effect.parameters,
             inside.fit.parameters_of(name),
-            [(other.fit.parameters_of(name), weight) for other, weight in considered if name in other.names],
+            [(entry.fit.parameters_of(name), weight) for entry, weight in considered if name in entry.names],
             max(group.conditions.gain_std for group in inside.fit.model.campaign.groups),
         ),
         chi2=math.nan,

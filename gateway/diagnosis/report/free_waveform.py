@@ -52,20 +52,20 @@ def beside_unknown(findings: Sequence[Finding], fit: Fit, without: Mapping[str, 
     try:
         unknowns = _unknowns(fit) if named else []
         scans = under_factors(fit) if unknowns else None
-        bare_of = {name: under_factors(without[name]) for name in named if unknowns}
+        scans_without = {name: under_factors(without[name]) for name in named if unknowns}
     except (NoShapeError, np.linalg.LinAlgError):
         # Without a smaller discrepancy no unknown can be compared with it.
         return list(findings)
     judged = []
     for finding in findings:
         if finding.name in named and scans is not None:
-            bare = bare_of[finding.name]
+            scan_without = scans_without[finding.name]
             axes = next(effect.axes for effect in fit.model.effects if effect.name == finding.name)
-            tried = [(evidence_of(*bare, rows, axis), rows, axis) for rows in unknowns for axis in axes]
-            gain, rows, axis = max(tried, key=lambda each: each[0])
-            taken = (gain - evidence_of(*scans, rows, axis)) / (parts.lateral if axis == LATERAL else parts.plane)
-            if finding.log_odds - taken < math.log(criteria.NAMED / (1.0 - criteria.NAMED)):
-                reason = Reason(DiagnosisCode.TAKEN_BY_UNKNOWN, axis=AXIS_NAMES[axis], taken=taken)
+            tried = [(evidence_of(*scan_without, rows, axis), rows, axis) for rows in unknowns for axis in axes]
+            gain, rows, axis = max(tried, key=lambda trial: trial[0])
+            loss = (gain - evidence_of(*scans, rows, axis)) / (parts.lateral if axis == LATERAL else parts.plane)
+            if finding.log_odds - loss < math.log(criteria.NAMED / (1.0 - criteria.NAMED)):
+                reason = Reason(DiagnosisCode.TAKEN_BY_UNKNOWN, axis=AXIS_NAMES[axis], taken=loss)
                 finding = replace(finding, verdict=Verdict.REFUSED, reason=reason)
         judged.append(finding)
     return judged
@@ -87,15 +87,15 @@ def evidence_of(fits: Sequence[Fit], levels: FloatArray, curves: Sequence[FloatA
         rows.append(placed)
     largest = max(float(np.abs(predicted[axis]).max()) for predicted in fits[0].predicted)
     variances = np.square(np.array(_STDS) * largest)[:, None]
-    best = levels[0]
+    peak = levels[0]
     for fit, level in zip(fits, levels.tolist(), strict=True):
         cross = fit.cross(rows)
         information = fit.cross_information(rows, 1)[0] - cross[:-1].T @ np.linalg.solve(fit.precision, cross[:-1])
         powers, directions = np.linalg.eigh(information)
         scores = directions.T @ (cross[-1] - fit.step @ cross[:-1])
         widened = 1.0 + variances * np.maximum(powers, 0.0)
-        best = max(best, level + 0.5 * float((variances * scores**2 / widened - np.log(widened)).sum(axis=1).max()))
-    return float(best - levels[0])
+        peak = max(peak, level + 0.5 * float((variances * scores**2 / widened - np.log(widened)).sum(axis=1).max()))
+    return float(peak - levels[0])
 
 
 def _unknowns(fit: Fit) -> list[list[FloatArray]]:

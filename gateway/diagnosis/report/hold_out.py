@@ -69,20 +69,20 @@ class _Sums:
     def over(cls, predicted: Sequence[Sequence[ComplexArray | None]], data: Whitened) -> Self:
         """Return the sums of what is predicted for each fold and group."""
         sums = cls.empty()
-        for fold, every in enumerate(predicted):
+        for fold, group_predictions in enumerate(predicted):
             for index, orders in enumerate(data.orders):
-                if (prediction := every[index]) is not None:
+                if (prediction := group_predictions[index]) is not None:
                     sums.add(orders[fold] - prediction, data.weights[index][fold])
         return sums
 
     def add(self, error: ComplexArray, weight: FloatArray) -> None:
-        used = weight > 0.0
-        square = np.abs(error) ** 2 * used
+        is_used = weight > 0.0
+        square = np.abs(error) ** 2 * is_used
         self.error += (POWER_SHARE * square).sum(axis=1)
         self.weighted += (square * np.square(weight)).sum(axis=1)
-        self.noise += np.where(used, 1.0 / np.where(used, weight, 1.0) ** 2, 0.0).sum(axis=1)
-        self.curves += used.any(axis=1)
-        self.coefficients += 2.0 * used.sum(axis=1) - used[:, 0]
+        self.noise += np.where(is_used, 1.0 / np.where(is_used, weight, 1.0) ** 2, 0.0).sum(axis=1)
+        self.curves += is_used.any(axis=1)
+        self.coefficients += 2.0 * is_used.sum(axis=1) - is_used[:, 0]
 
     def rms_mps2(self) -> float:
         return math.sqrt(float(self.error.sum()) / max(float(self.curves.sum()), 1.0))
@@ -128,8 +128,8 @@ def hold_out(posterior: Posterior, data: Whitened, also: Sequence[Evaluated] = (
         also: further sets whose error is wanted.
     """
     sets = {evaluated.names: evaluated for evaluated in (*posterior.sets[:_MOST_SETS], posterior.baseline, *also)}
-    least = {names: _least_squares(evaluated.fit, data) for names, evaluated in sets.items()}
-    folds = {names: _at_its_best(_folds(evaluated, data, least[names]), data) for names, evaluated in sets.items()}
+    refits = {names: _least_squares(evaluated.fit, data) for names, evaluated in sets.items()}
+    folds = {names: _at_its_best(_folds(evaluated, data, refits[names]), data) for names, evaluated in sets.items()}
     chosen = _chosen({evaluated.names: folds[evaluated.names] for evaluated in posterior.sets[:_MOST_SETS]}, data.folds)
     errors = {names: _Sums.over([fold.predicted for fold in folds[names]], data) for names in sets}
     followed = [folds[names][fold] for fold, names in enumerate(chosen)]
@@ -139,7 +139,7 @@ def hold_out(posterior: Posterior, data: Whitened, also: Sequence[Evaluated] = (
     curves = _curves(
         posterior.best.fit.model.campaign,
         data,
-        [each.predicted for each in folds[frozenset()]],
+        [fold.predicted for fold in folds[frozenset()]],
         [fold.predicted for fold in followed],
     )
     summary = HeldOut(
@@ -158,7 +158,7 @@ def hold_out(posterior: Posterior, data: Whitened, also: Sequence[Evaluated] = (
         corrected.rms_mps2(),
         tuple(chosen),
         {names: sums.rms_mps2() for names, sums in errors.items()},
-        {names: (folds[names][0].at_best and least[names]) or evaluated.fit for names, evaluated in sets.items()},
+        {names: (folds[names][0].at_best and refits[names]) or evaluated.fit for names, evaluated in sets.items()},
     )
 
 
@@ -193,17 +193,17 @@ def _curves(
             if predicted[0] is None or predicted[1] is None:
                 continue
             weight = data.weights[index][fold]
-            ways = [data.orders[index][fold]]
+            variants = [data.orders[index][fold]]
             if block.as_recorded_mps2 is not None:
-                ways.append(ways[0] + np.nan_to_num(block.as_recorded_mps2 - block.orders_mps2))
-            sums = [_Sums.empty() for _ in range(2 * len(ways))]
-            for number, (orders, prediction) in enumerate(product(ways, predicted)):
+                variants.append(variants[0] + np.nan_to_num(block.as_recorded_mps2 - block.orders_mps2))
+            sums = [_Sums.empty() for _ in range(2 * len(variants))]
+            for number, (orders, prediction) in enumerate(product(variants, predicted)):
                 sums[number].add(orders - prediction, weight)
             squares = np.array([total.error.sum() for total in sums])
             axes = float(sums[0].curves.sum())
             rms = np.sqrt(squares / max(axes, 1.0)).tolist()
-            shown = BlockError(group.label, block.count, block.conditions.time_s, rms[0], rms[1])
-            curves.append(_Curve(shown, axes, squares[:2], squares[2:] if len(ways) > 1 else None))
+            block_error = BlockError(group.label, block.count, block.conditions.time_s, rms[0], rms[1])
+            curves.append(_Curve(block_error, axes, squares[:2], squares[2:] if len(variants) > 1 else None))
     return curves
 
 
@@ -223,8 +223,8 @@ def jackknife(sums: Sequence[FloatArray], counts: Sequence[float]) -> tuple[floa
     squares, weights = np.array(sums), np.array(counts)[:, None]
     rms = np.sqrt((squares.sum(axis=0) - squares) / np.maximum(weights.sum() - weights, 1.0))
     ratio = rms[:, 1] / np.maximum(rms[:, 0], 1e-300)
-    every = np.column_stack([rms, ratio])
-    first, second, third = np.sqrt((number - 1.0) * every.var(axis=0)).tolist()
+    statistics = np.column_stack([rms, ratio])
+    first, second, third = np.sqrt((number - 1.0) * statistics.var(axis=0)).tolist()
     return first, second, third
 
 
@@ -240,20 +240,19 @@ def _as_recorded(curves: Sequence[_Curve]) -> AsRecorded | None:
 
 def alignment_note(held_out: HeldOut) -> tuple[Reason, ...]:
     """Return the note on revolutions whose contact edges are aligned, with the errors as recorded, where it matters."""
-    plain = held_out.as_recorded
+    raw = held_out.as_recorded
     if (
-        plain is None
-        or max(plain.rms_before_mps2 / held_out.rms_before_mps2, plain.rms_after_mps2 / held_out.rms_after_mps2)
-        <= _ALIGNED
+        raw is None
+        or max(raw.rms_before_mps2 / held_out.rms_before_mps2, raw.rms_after_mps2 / held_out.rms_after_mps2) <= _ALIGNED
     ):
         return ()
     return (
         Reason(
             DiagnosisCode.EDGES_ALIGNED,
-            revolutions=plain.revolutions,
-            parameters=plain.parameters,
-            before_mps2=plain.rms_before_mps2,
-            after_mps2=plain.rms_after_mps2,
+            revolutions=raw.revolutions,
+            parameters=raw.parameters,
+            before_mps2=raw.rms_before_mps2,
+            after_mps2=raw.rms_after_mps2,
         ),
     )
 
@@ -263,9 +262,9 @@ def _least_squares(fit: Fit, data: Whitened) -> Fit | None:
     if residual_ratio(fit, data, PLANE) < criteria.TEMPERED:
         return None
     model = fit.model
-    held = {effect.name: fit.vector[model.layout.effect(effect.name)] for effect in model.effects}
+    fixed = {effect.name: fit.vector[model.layout.effect(effect.name)] for effect in model.effects}
     try:
-        return fit_model(ClosureModel(model.campaign, model.core, model.effects, held=held), data, fit.vector)
+        return fit_model(ClosureModel(model.campaign, model.core, model.effects, held=fixed), data, fit.vector)
     except FitFailedError:
         return None
 
@@ -317,14 +316,14 @@ def _by_axis(before: _Sums, after: _Sums, corrected: _Sums) -> tuple[AxisError, 
     return tuple(errors)
 
 
-def _folds(evaluated: Evaluated, data: Whitened, least: Fit | None) -> list[_Fold]:
+def _folds(evaluated: Evaluated, data: Whitened, refit: Fit | None) -> list[_Fold]:
     """Return the prediction of every fold by one set."""
     fit = evaluated.fit
     if fit.applied is None:
         raise ValueError("a set is held out with its discrepancy")
     deviations = [_of_blocks(fit, data, index) for index in range(len(data.orders))]
     applied: dict[float, Applied] = {}
-    return [_without(fit, least, data, deviations, fold, applied) for fold in range(data.folds)]
+    return [_fold_prediction(fit, refit, data, deviations, fold, applied) for fold in range(data.folds)]
 
 
 def _of_blocks(fit: Fit, data: Whitened, index: int) -> ComplexArray:
@@ -337,9 +336,9 @@ def _of_blocks(fit: Fit, data: Whitened, index: int) -> ComplexArray:
     return result
 
 
-def _without(
+def _fold_prediction(
     fit: Fit,
-    least: Fit | None,
+    refit: Fit | None,
     data: Whitened,
     deviations: Sequence[ComplexArray],
     fold: int,
@@ -353,26 +352,26 @@ def _without(
     if share not in applied:
         applied[share] = fit.applied.discrepancy.thinned(share).applied(fit.applied.amplitudes)
     thin = replace(thin, applied=applied[share])
-    there = thin.moved(thin.step)
-    base = _predicted(fit, there, data, deviations, fold, share)
-    discrepancy_means = applied[share].mean([rows[-1] for rows in there.weighted])
-    whole: list[ComplexArray | None] = []
+    updated = thin.moved(thin.step)
+    base = _predicted(fit, updated, data, deviations, fold, share)
+    discrepancy_means = applied[share].mean([rows[-1] for rows in updated.weighted])
+    with_discrepancy: list[ComplexArray | None] = []
     for index, predicted in enumerate(base):
         if predicted is None:
-            whole.append(None)
+            with_discrepancy.append(None)
             continue
-        whole.append(predicted + as_complex(discrepancy_means[index]))
-    if least is None:
-        return _Fold(log_evidence(there), base, whole)
+        with_discrepancy.append(predicted + as_complex(discrepancy_means[index]))
+    if refit is None:
+        return _Fold(log_evidence(updated), base, with_discrepancy)
     # Its effects are those that the other folds determine, the tire's own parameters those of the least error beside.
-    change = np.zeros(len(least.vector))
-    for effect in least.model.effects:
-        where = least.model.layout.effect(effect.name)
-        change[where] = (there.vector - least.vector)[where]
-    beside = _thinned(least, data, deviations, fold)[0].moved(change)
-    beside = replace(beside, prior_mean=beside.prior_mean + change)
-    at_best = _predicted(least, beside.moved(beside.step), data, deviations, fold, share)
-    return _Fold(log_evidence(there), base, whole, at_best)
+    change = np.zeros(len(refit.vector))
+    for effect in refit.model.effects:
+        indices = refit.model.layout.effect(effect.name)
+        change[indices] = (updated.vector - refit.vector)[indices]
+    thin_refit = _thinned(refit, data, deviations, fold)[0].moved(change)
+    thin_refit = replace(thin_refit, prior_mean=thin_refit.prior_mean + change)
+    refit_prediction = _predicted(refit, thin_refit.moved(thin_refit.step), data, deviations, fold, share)
+    return _Fold(log_evidence(updated), base, with_discrepancy, refit_prediction)
 
 
 def _thinned(fit: Fit, data: Whitened, deviations: Sequence[ComplexArray], fold: int) -> tuple[Fit, float]:
@@ -399,19 +398,19 @@ def _thinned(fit: Fit, data: Whitened, deviations: Sequence[ComplexArray], fold:
 
 
 def _predicted(
-    fit: Fit, there: Fit, data: Whitened, deviations: Sequence[ComplexArray], fold: int, share: float
+    fit: Fit, updated: Fit, data: Whitened, deviations: Sequence[ComplexArray], fold: int, share: float
 ) -> list[ComplexArray | None]:
     """Return the prediction of a fold in every group that has it, (3, ORDERS), by the linearised model.
 
     Args:
         fit: where the model is linearised.
-        there: at the parameters that the other folds determine.
+        updated: at the parameters that the other folds determine.
         data: whitened.
         deviations: of each block from its group's mean.
         fold: to predict.
         share: of the other folds.
     """
-    step = there.vector - fit.vector
+    step = updated.vector - fit.vector
     predicted: list[ComplexArray | None] = []
     for index, counts in enumerate(data.counts):
         if fold >= len(counts) or len(counts) < 2:
@@ -419,5 +418,5 @@ def _predicted(
             continue
         residual = fit.residual[index] - np.tensordot(step, fit.rows[index], axes=1)
         base = data.mean(index, data.orders[index]) - as_complex(residual)
-        predicted.append(base + deviations[index][fold] + data.by_edges(index, there.weighted[index][-1], share))
+        predicted.append(base + deviations[index][fold] + data.by_edges(index, updated.weighted[index][-1], share))
     return predicted

@@ -27,7 +27,7 @@ def with_recording(campaign: Campaign, target: GroupConditions, revolutions: int
     Its scatter is the reference's at another speed. Its orders are the reference's, to be replaced by predicted ones.
     """
     reference = reference_group(campaign)
-    states = [group.state for group in campaign.groups if _alike(group.conditions, target)]
+    states = [group.state for group in campaign.groups if _is_same_state(group.conditions, target)]
     ratio = target.omega_radps / reference.conditions.omega_radps
     errors = reference.edge_errors_mps2
     group = replace(
@@ -63,7 +63,7 @@ def _places(model: ClosureModel, larger: ClosureModel) -> IntArray:
     return np.concatenate(places)
 
 
-def _alike(first: GroupConditions, second: GroupConditions) -> bool:
+def _is_same_state(first: GroupConditions, second: GroupConditions) -> bool:
     return (first.load_n, first.pressure_pa) == (second.load_n, second.pressure_pa)
 
 

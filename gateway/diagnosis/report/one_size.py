@@ -71,7 +71,7 @@ def fitted_alone(fit: Fit) -> tuple[Alone, ...]:
         parts = {group.label: [index] for index, group in enumerate(campaign.groups)}
     if len(parts) < 2:
         return ()
-    alone = []
+    single_fits = []
     for label, groups in parts.items():
         states = sorted({campaign.groups[index].state for index in groups})
         part = replace(
@@ -82,19 +82,19 @@ def fitted_alone(fit: Fit) -> tuple[Alone, ...]:
             states=len(states),
         )
         single = ClosureModel(part, model.core, model.effects)
-        start, there = np.zeros(single.layout.size), single.layout
+        start, layout = np.zeros(single.layout.size), single.layout
         for number, state in enumerate(states):
-            start[there.state(number)] = fit.vector[model.layout.state(state)]
+            start[layout.state(number)] = fit.vector[model.layout.state(state)]
         for number, index in enumerate(groups):
-            start[there.centre(number)] = fit.vector[model.layout.centre(index)]
-        start[there.sensor] = fit.vector[model.layout.sensor]
+            start[layout.centre(number)] = fit.vector[model.layout.centre(index)]
+        start[layout.sensor] = fit.vector[model.layout.sensor]
         for effect in model.effects:
-            start[there.effect(effect.name)] = fit.vector[model.layout.effect(effect.name)]
+            start[layout.effect(effect.name)] = fit.vector[model.layout.effect(effect.name)]
         try:
-            alone.append(Alone(label, fit_model(single, whiten(part, model.core), start, most_steps=_STEPS)))
+            single_fits.append(Alone(label, fit_model(single, whiten(part, model.core), start, most_steps=_STEPS)))
         except (FitFailedError, np.linalg.LinAlgError):
             continue
-    return tuple(alone)
+    return tuple(single_fits)
 
 
 def sizes_alone(alone: Sequence[Alone], effect: AngleEffect) -> tuple[SingleSize, ...]:
@@ -115,9 +115,9 @@ def disagreement(alone: Sequence[Alone], effect: AngleEffect) -> tuple[float, in
     """Return the chi-square of the sizes of single recordings about their mean, and its degrees of freedom."""
     values, covariances = [], []
     for single in alone:
-        where = _places(single.fit, effect)
-        values.append(single.fit.vector[where])
-        covariances.append(single.fit.covariance[np.ix_(where, where)])
+        indices = _places(single.fit, effect)
+        values.append(single.fit.vector[indices])
+        covariances.append(single.fit.covariance[np.ix_(indices, indices)])
     if len(alone) < 2 or not values[0].size:
         return 0.0, 0
     precisions = [np.linalg.inv(covariance) for covariance in covariances]
@@ -135,17 +135,17 @@ def change_within(fit: Fit, data: Whitened, effect: AngleEffect) -> tuple[float,
     A change is that between the first and the last blocks of each recording, half of them each, by one linear step with
     tire, sensor and all effects free. What the model lacks is the same in both, so that errors are by scatter alone.
     """
-    where, total, freedom = _places(fit, effect), 0.0, 0
+    indices, total, freedom = _places(fit, effect), 0.0, 0
     for groups in recordings_of(fit).values():
         halved = [index for index in groups if len(data.counts[index]) > 1]
-        if not halved or not where.size:
+        if not halved or not indices.size:
             continue
         early, late = (_step_of_half(fit, data, halved, first=first) for first in (True, False))
-        moved = (late[0] - early[0])[where]
-        covariance = (early[1] + late[1])[np.ix_(where, where)]
-        covariance += np.diag(2.0 * np.square(_MODEL_SHARE * fit.vector[where]) + 1e-300)
-        total += float(moved @ np.linalg.solve(covariance, moved))
-        freedom += len(where)
+        change = (late[0] - early[0])[indices]
+        covariance = (early[1] + late[1])[np.ix_(indices, indices)]
+        covariance += np.diag(2.0 * np.square(_MODEL_SHARE * fit.vector[indices]) + 1e-300)
+        total += float(change @ np.linalg.solve(covariance, change))
+        freedom += len(indices)
     return total, freedom
 
 
@@ -157,8 +157,8 @@ def _step_of_half(fit: Fit, data: Whitened, groups: Sequence[int], *, first: boo
         counts, half = data.counts[index], len(data.counts[index]) // 2
         chosen = slice(0, half) if first else slice(len(counts) - half, None)
         weights = counts[chosen] / counts[chosen].sum()
-        apart = (data.orders[index] - fit.model.predict_group(fit.vector, index))[chosen] * data.used[index]
-        residual = as_real(np.tensordot(weights, apart, axes=1))
+        deviations = (data.orders[index] - fit.model.predict_group(fit.vector, index))[chosen] * data.used[index]
+        residual = as_real(np.tensordot(weights, deviations, axes=1))
         rows = fit.rows[index]
         share = counts[chosen].sum() / counts.sum()
         weighted = share * np.einsum("pan,anm->pam", rows, data.precisions[index], optimize=True).reshape(size, -1)
@@ -181,7 +181,7 @@ def of_one_size(findings: Sequence[Finding], fit: Fit, data: Whitened) -> list[F
     named = [f.name for f in findings if f.verdict is Verdict.NAMED and f.name in effects]
     if not named:
         return list(findings)
-    alone = fitted_alone(fit)
+    single_fits = fitted_alone(fit)
     freedom = np.diagonal(remainder_covariance(fit, data))
     judged = []
     for finding in findings:
@@ -189,12 +189,12 @@ def of_one_size(findings: Sequence[Finding], fit: Fit, data: Whitened) -> list[F
             effect = effects[finding.name]
             finding = replace(
                 finding,
-                single_sizes=sizes_alone(alone, effect),
-                parameters=_beside(finding.parameters, effect, freedom[fit.model.layout.effect(finding.name)]),
+                single_sizes=sizes_alone(single_fits, effect),
+                parameters=_with_remainder(finding.parameters, effect, freedom[fit.model.layout.effect(finding.name)]),
             )
             reason = (
-                _against(disagreement(alone, effect), DiagnosisCode.SIZES_DIFFER)
-                or _against(change_within(fit, data, effect), DiagnosisCode.SIZE_CHANGES)
+                _disagreement_reason(disagreement(single_fits, effect), DiagnosisCode.SIZES_DIFFER)
+                or _disagreement_reason(change_within(fit, data, effect), DiagnosisCode.SIZE_CHANGES)
                 or _buried(fit, data, effect)
             )
             if reason is not None:
@@ -203,7 +203,7 @@ def of_one_size(findings: Sequence[Finding], fit: Fit, data: Whitened) -> list[F
     return judged
 
 
-def _beside(parameters: Mapping[str, Fitted], effect: AngleEffect, freedom: FloatArray) -> dict[str, Fitted]:
+def _with_remainder(parameters: Mapping[str, Fitted], effect: AngleEffect, freedom: FloatArray) -> dict[str, Fitted]:
     """Return an effect's parameters whose errors contain the variance `freedom` (p,) by what is left."""
     return {
         parameter.name: replace(fitted, std=math.hypot(fitted.std, math.sqrt(variance)) if not parameter.whole else 0.0)
@@ -211,7 +211,7 @@ def _beside(parameters: Mapping[str, Fitted], effect: AngleEffect, freedom: Floa
     }
 
 
-def _against(disagreeing: tuple[float, int], code: Code) -> Reason | None:
+def _disagreement_reason(disagreeing: tuple[float, int], code: Code) -> Reason | None:
     square, freedom = disagreeing
     if not freedom or float(chdtrc(freedom, square)) >= _AGREES:
         return None

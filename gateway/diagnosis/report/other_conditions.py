@@ -47,19 +47,19 @@ def unseen_errors(before: Fit, after: Fit, data: Whitened, effect: SignalEffect)
         data: whitened.
         effect: the effect.
     """
-    where = after.model.layout.effect(effect.name)
+    indices = after.model.layout.effect(effect.name)
     errors = []
     recordings = recordings_of(after)
     for recording, groups in recordings.items():
         others = [index for index in range(len(data.orders)) if index not in groups]
         if not others or not has_other_conditions(after.model.campaign.groups, recording):
             continue
-        free = np.concatenate([_own_parameters(after, others), np.arange(where.start, where.stop)])
+        free = np.concatenate([_own_parameters(after, others), np.arange(indices.start, indices.stop)])
         change, _ = _step(after, data, others, free)
-        held = np.zeros_like(change)
-        held[where] = change[where]
-        with_effect = after.moved(held)
-        remaining = [_left(fit, data, groups) for fit in (before, with_effect)]
+        effect_change = np.zeros_like(change)
+        effect_change[indices] = change[indices]
+        with_effect = after.moved(effect_change)
+        remaining = [_own_residuals(fit, data, groups) for fit in (before, with_effect)]
         contribution = remaining[0] - remaining[1]
         noise = _noise(data, groups)
         square = [_mean_square(orders) for orders in (*remaining, contribution)]
@@ -86,11 +86,11 @@ def unseen_errors(before: Fit, after: Fit, data: Whitened, effect: SignalEffect)
     return tuple(errors)
 
 
-def _left(fit: Fit, data: Whitened, groups: Sequence[int]) -> ComplexArray:
+def _own_residuals(fit: Fit, data: Whitened, groups: Sequence[int]) -> ComplexArray:
     """Return what is left of these groups, (groups, 3, ORDERS), their own parameters fitted to them."""
     change, _ = _step(fit, data, groups, _own_parameters(fit, groups))
-    there = fit.moved(change)
-    return np.stack([as_complex(there.residual[index]) * data.used[index] for index in groups])
+    updated = fit.moved(change)
+    return np.stack([as_complex(updated.residual[index]) * data.used[index] for index in groups])
 
 
 def _mean_square(orders: ComplexArray) -> FloatArray:
@@ -133,16 +133,16 @@ def _step(fit: Fit, data: Whitened, groups: Sequence[int], free: IntArray) -> tu
         misfit += float(np.einsum("an,anm,am->", residual, data.precisions[index], residual))
         count += sum(len(factor) for factor in data.factors[index])
     prior = fit.prior_precision[np.ix_(free, free)]
-    away = (fit.vector - fit.prior_mean)[free]
+    deviation = (fit.vector - fit.prior_mean)[free]
     scale = 1.0
     for _ in range(2):
         covariance: FloatArray = np.asarray(np.linalg.inv(gram / scale + prior), dtype=np.float64)
-        change = covariance @ (slope / scale - prior @ away)
-        left_over = misfit - 2.0 * float(change @ slope) + float(change @ gram @ change)
-        scale = max(1.0, left_over / max(1, count - size))
-    whole = np.zeros(len(fit.vector))
-    whole[free] = change
-    return whole, covariance
+        change = covariance @ (slope / scale - prior @ deviation)
+        remaining_misfit = misfit - 2.0 * float(change @ slope) + float(change @ gram @ change)
+        scale = max(1.0, remaining_misfit / max(1, count - size))
+    full_change = np.zeros(len(fit.vector))
+    full_change[free] = change
+    return full_change, covariance
 
 
 def judged_elsewhere(
@@ -217,9 +217,9 @@ def _excess_left(error: UnseenError) -> float:
     noise, fall = error.noise_mps2**2, error.before_mps2**2 - error.after_mps2**2
     # The power beyond noise is not known better than the power of the noise, which may hide it where coefficients are
     # few; half of the least power that tests an effect is then the measure.
-    surely = error.before_mps2**2 - noise - CHANCE * math.sqrt(2.0 / error.coefficients) * noise
-    least = 0.5 * (TESTABLE - 1.0) * noise if _is_above(error) else 0.0
-    return 1.0 - fall / max(surely, error.contribution_mps2**2, least)
+    excess = error.before_mps2**2 - noise - CHANCE * math.sqrt(2.0 / error.coefficients) * noise
+    least_power = 0.5 * (TESTABLE - 1.0) * noise if _is_above(error) else 0.0
+    return 1.0 - fall / max(excess, error.contribution_mps2**2, least_power)
 
 
 def _unseen_reason(recordings: Sequence[str], error: UnseenError) -> Reason:

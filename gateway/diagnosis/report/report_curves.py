@@ -17,7 +17,7 @@ from gateway.diagnosis.result import Curves, EffectCurves, Finding, Trend
 
 # A quantity that varies by less than this share over the groups shows no trend.
 _VARIES: Final = 0.03
-_AGAINST: Final[dict[str, tuple[Callable[[Group], float], float]]] = {
+_ABSCISSAE: Final[dict[str, tuple[Callable[[Group], float], float]]] = {
     # name -> (value, least span that is worth a trend where a share says nothing)
     "speed_kmh": (lambda group: 3.6 * group.conditions.omega_radps * group.conditions.radius_m, 2.0),
     "load_n": (lambda group: group.conditions.load_n, 50.0),
@@ -73,10 +73,10 @@ def effect_curves_of(fit: Fit, findings: Sequence[Finding]) -> tuple[EffectCurve
             continue
         added = [orders_field(orders) for orders in added_by(fit, effects[finding.name])]
         index = max(range(len(groups)), key=lambda number: float(np.nan_to_num(np.square(added[number])).sum()))
-        where = fit.model.layout.effect(finding.name)
-        rows = orders_field(as_complex(fit.rows[index][where]))
+        indices = fit.model.layout.effect(finding.name)
+        rows = orders_field(as_complex(fit.rows[index][indices]))
         # Errors over all sets, and of the equation, are larger than the fit's own; correlations are the fit's.
-        covariance = fit.covariance[where, where]
+        covariance = fit.covariance[indices, indices]
         fit_stds = np.sqrt(np.diagonal(covariance))
         wider = np.array([fitted.std for fitted in finding.parameters.values()]) / np.where(
             fit_stds > 0.0, fit_stds, 1.0
@@ -92,16 +92,16 @@ def trends_of(before: Fit, after: Fit, data: Whitened) -> tuple[Trend, ...]:
     groups = after.model.campaign.groups
     residuals = group_residuals(before, data), group_residuals(after, data)
     trends = []
-    for name, (value, least) in _AGAINST.items():
+    for name, (value, least_span) in _ABSCISSAE.items():
         abscissa = np.array([value(group) for group in groups])
         if len(abscissa) < 2 or np.ptp(abscissa) < max(
-            least, _VARIES * float(np.abs(abscissa).mean()) if name != "time_s" else least
+            least_span, _VARIES * float(np.abs(abscissa).mean()) if name != "time_s" else least_span
         ):
             continue
         for axis, words in enumerate(AXIS_NAMES):
             if not any((weight[:, axis] > 0.0).any() for weight in data.weights):
                 continue
-            rms_mps2 = [np.array([r.rms_mps2()[axis] for r in of]) for of in residuals]
+            rms_mps2 = [np.array([r.rms_mps2()[axis] for r in stage]) for stage in residuals]
             noise = np.array([r.noise_rms_mps2()[axis] for r in residuals[1]])
             trends.append(Trend(words, name, abscissa, rms_mps2[0], rms_mps2[1], noise))
     return tuple(trends)

@@ -84,13 +84,13 @@ class Scan:
             groups: indices of the groups in which they are tried.
         """
         self.fit = fit
-        self._wanted = tuple(effects)
+        self._candidates = tuple(effects)
         # The longest trials first: one that is begun last keeps the others waiting.
         self.effects = tuple(sorted(effects, key=lambda effect: (-effect.refinements, -_starts(fit, effect))))
         self.shapes: Mapping[int, Shape] = {}
         self._counters: SharedNumbers | None = None
         self._number = 0
-        self._elsewhere: set[Future[dict[int, _Values | None]]] = set()
+        self._remote_futures: set[Future[dict[int, _Values | None]]] = set()
         try:
             self.shapes = shapes_of(fit, groups)
         except (NoShapeError, np.linalg.LinAlgError):
@@ -98,13 +98,13 @@ class Scan:
 
     def is_of(self, fit: Fit, effects: Sequence[AngleEffect]) -> bool:
         """Return whether this is the scan of a fit with these candidates."""
-        return fit is self.fit and list(effects) == list(self._wanted)
+        return fit is self.fit and list(effects) == list(self._candidates)
 
     def share(
         self, counters: SharedNumbers, number: int, elsewhere: Iterable[Future[dict[int, _Values | None]]]
     ) -> None:
         """Share the work with other processes that take from the same counter."""
-        self._counters, self._number, self._elsewhere = counters, number, set(elsewhere)
+        self._counters, self._number, self._remote_futures = counters, number, set(elsewhere)
 
     def trials(self, expired: Callable[[], bool] = lambda: False) -> list[Trial]:
         """Return the successful trials, the best promise first, then by name; none where the time is over before all.
@@ -118,15 +118,15 @@ class Scan:
                 return []
             trial_of[index] = try_effect(self.fit, self.effects[index], self.shapes)
         while len(trial_of) < len(self.effects):
-            done, self._elsewhere = wait(self._elsewhere, return_when=FIRST_COMPLETED)
+            done, self._remote_futures = wait(self._remote_futures, return_when=FIRST_COMPLETED)
             for future in done:
                 for number, values in future.result().items():
                     trial_of[number] = None if values is None else self._trial(self.effects[number], values)
         trials = [trial for trial in trial_of.values() if trial is not None]
         return sorted(trials, key=lambda trial: (-trial.promise, trial.effect.name))
 
-    def _next(self, made: int) -> int:
-        return made if self._counters is None else self._counters.take(self._number)
+    def _next(self, own_count: int) -> int:
+        return own_count if self._counters is None else self._counters.take(self._number)
 
     def _trial(self, effect: AngleEffect, values: _Values) -> Trial:
         model = ClosureModel(self.fit.model.campaign, self.fit.model.core, (*self.fit.model.effects, effect))
@@ -168,8 +168,8 @@ class Helpers:
             work: a function of a module. Without other processes it is called when its result is asked for.
             campaign: of the search.
         """
-        first = next(iter(self._workers.each), None)
-        return partial(work, campaign) if first is None else first.submit(_of_campaign, work).result
+        worker = next(iter(self._workers.each), None)
+        return partial(work, campaign) if worker is None else worker.submit(_run_on_campaign, work).result
 
     def scan(self, fit: Fit, effects: Sequence[AngleEffect], groups: Sequence[int]) -> Scan:
         """Return a scan, begun in the other processes."""
@@ -178,9 +178,9 @@ class Helpers:
         local = any(isinstance(effect, LocalChange) for effect in fit.model.effects)
         number = self._workers.new_counter() if scan.effects and not local else None
         if number is not None:
-            order = _ordered(number, scan)
-            begun = [worker.submit(_tried, order) for worker in self._workers.each]
-            scan.share(self._workers.counters, number, begun)
+            order = _order_of(number, scan)
+            futures = [worker.submit(_trial_values, order) for worker in self._workers.each]
+            scan.share(self._workers.counters, number, futures)
         return scan
 
 
@@ -188,7 +188,7 @@ def _starts(fit: Fit, effect: AngleEffect) -> int:
     return len(effect.starts(tuple(group.conditions for group in fit.model.campaign.groups)))
 
 
-def _ordered(number: int, scan: Scan) -> _Order:
+def _order_of(number: int, scan: Scan) -> _Order:
     applied = scan.fit.applied
     return _Order(
         number,
@@ -241,12 +241,12 @@ def _receive(material: _Material) -> None:
     _helper = _Helper(material)
 
 
-def _of_campaign(work: Callable[[Campaign], _Result]) -> _Result:
+def _run_on_campaign(work: Callable[[Campaign], _Result]) -> _Result:
     assert _helper is not None
     return work(_helper.material.campaign)
 
 
-def _tried(order: _Order) -> dict[int, _Values | None]:
+def _trial_values(order: _Order) -> dict[int, _Values | None]:
     """Return, in another process, the trials of the effects that are left to take, by their place."""
     assert _helper is not None
     counters = shared_counters()

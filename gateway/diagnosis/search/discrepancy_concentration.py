@@ -59,27 +59,27 @@ def most_evident(fit: Fit, data: Whitened) -> Evident | None:
     present = set(fit.applied.discrepancy.concentrations)
     answers = fit.applied.answers(fit.weighted, fit.precision)
     # At PLACES in place of orders, where a burst is narrow.
-    seen = [
-        _Seen.of(answer, information, index, part, float(np.square(scale).sum()))
+    part_answers = [
+        _PartAnswer.of(answer, information, index, part, float(np.square(scale).sum()))
         for (index, (_, _, axis_groups)), parts in zip(fit.applied.discrepancy.enumerate(), answers, strict=True)
         for part, ((answer, information), scale) in enumerate(zip(parts, axis_groups.scales, strict=True))
     ]
     for number, concentration in enumerate(reversed(fit.applied.discrepancy.concentrations), 1):
-        for each in seen:
-            weights = fit.applied.amplitudes[each.index, each.part, -number] * (
-                concentration.curves().T @ each.at_places.answer
+        for part_answer in part_answers:
+            weights = fit.applied.amplitudes[part_answer.index, part_answer.part, -number] * (
+                concentration.curves().T @ part_answer.at_places.answer
             )
-            power -= each.power * float(np.square(concentration.curves() @ weights).mean())
+            power -= part_answer.power * float(np.square(concentration.curves() @ weights).mean())
     log_odds = math.log(criteria.STAND_IN_ODDS / len(possible))
     shape = fit.applied.amplitudes.shape[:2]
-    every = [
-        _evident(concentration, seen, shape, power, log_odds)
+    candidates = [
+        _evident(concentration, part_answers, shape, power, log_odds)
         for concentration in possible
         if concentration not in present
     ]
-    best = max(every, key=lambda evident: evident.gain)
-    worth = best.gain / math.sqrt(residual_ratio(fit, data)) + log_odds > 0.0
-    return best if worth and best.share > criteria.CONCENTRATED_SHARE else None
+    best = max(candidates, key=lambda evident: evident.gain)
+    is_evident = best.gain / math.sqrt(residual_ratio(fit, data)) + log_odds > 0.0
+    return best if is_evident and best.share > criteria.CONCENTRATED_SHARE else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +96,7 @@ class _Answer:
 
 
 @dataclass(frozen=True, slots=True)
-class _Seen:
+class _PartAnswer:
     """C^-1 r and C^-1 as one part of one axis of a state sees them.
 
     Attributes:
@@ -120,7 +120,7 @@ class _Seen:
         return cls(_Answer(answer, information), at_places, index, part, power)
 
 
-class _Narrow(NamedTuple):
+class _CompactBasis(NamedTuple):
     """A concentration in the basis in which few numbers describe it.
 
     Attributes:
@@ -137,37 +137,37 @@ class _Narrow(NamedTuple):
 
 
 @lru_cache(maxsize=1024)
-def _narrow(concentration: Concentration) -> _Narrow:
+def _compact_basis(concentration: Concentration) -> _CompactBasis:
     curves = concentration.curves()
     in_orders = not isinstance(concentration, Burst)
-    narrow = FROM_PLACES @ curves if in_orders else curves
-    inside = np.flatnonzero(np.abs(narrow).max(axis=1) > 1e-3)
-    return _Narrow(in_orders, inside, narrow[inside], curves.T @ curves / len(PLACES))
+    coefficients = FROM_PLACES @ curves if in_orders else curves
+    inside = np.flatnonzero(np.abs(coefficients).max(axis=1) > 1e-3)
+    return _CompactBasis(in_orders, inside, coefficients[inside], curves.T @ curves / len(PLACES))
 
 
 def _evident(
-    concentration: Concentration, seen: Sequence[_Seen], shape: tuple[int, ...], power: float, log_odds: float
+    concentration: Concentration, answers: Sequence[_PartAnswer], shape: tuple[int, ...], power: float, log_odds: float
 ) -> Evident:
     """Return what a concentration gains: on every axis of a state the part of the larger gain."""
-    narrow = _narrow(concentration)
+    basis = _compact_basis(concentration)
     amplitudes, gains, powers = np.zeros(shape), np.zeros(shape[0]), np.zeros(shape[0])
-    for each in seen:
-        given = each.by_order if narrow.in_orders else each.at_places
-        information = given.information[narrow.inside[:, None], narrow.inside]
-        values, vectors = np.linalg.eigh(narrow.curves.T @ information @ narrow.curves)
+    for part_answer in answers:
+        basis_answer = part_answer.by_order if basis.in_orders else part_answer.at_places
+        information = basis_answer.information[basis.inside[:, None], basis.inside]
+        values, vectors = np.linalg.eigh(basis.curves.T @ information @ basis.curves)
         values = np.maximum(values, 0.0)
         if values[-1] <= 0.0:
             continue
-        along = vectors.T @ (narrow.curves.T @ given.answer[narrow.inside])
+        projection = vectors.T @ (basis.curves.T @ basis_answer.answer[basis.inside])
         tried = _POWERS[:, None] / values[-1]
-        gained = 0.5 * (tried * np.square(along) / (1.0 + tried * values) - np.log1p(tried * values)).sum(axis=1)
-        top = int(np.argmax(gained))
-        if gained[top] > gains[each.index]:
-            amplitude = float(tried[top, 0])
-            gains[each.index] = gained[top]
-            amplitudes[each.index] = 0.0
-            amplitudes[each.index, each.part] = amplitude
-            weights = vectors @ (along / (1.0 / amplitude + values))
-            powers[each.index] = each.power * float(weights @ narrow.powers @ weights)
+        gained = 0.5 * (tried * np.square(projection) / (1.0 + tried * values) - np.log1p(tried * values)).sum(axis=1)
+        best_index = int(np.argmax(gained))
+        if gained[best_index] > gains[part_answer.index]:
+            amplitude = float(tried[best_index, 0])
+            gains[part_answer.index] = gained[best_index]
+            amplitudes[part_answer.index] = 0.0
+            amplitudes[part_answer.index, part_answer.part] = amplitude
+            weights = vectors @ (projection / (1.0 / amplitude + values))
+            powers[part_answer.index] = part_answer.power * float(weights @ basis.powers @ weights)
     share = float(powers.sum()) / power if power > 0.0 else 0.0
     return Evident(concentration, amplitudes, float(gains.sum()), log_odds, share)

@@ -37,28 +37,28 @@ def other_optima(
         return []
     optima, tried = [best], 0
     where = best.fit.model.layout.effect(effect.name)
-    slack = criteria.SIGMAS_LISTED * np.sqrt(np.diagonal(best.fit.covariance)[where])
+    tolerance = criteria.SIGMAS_LISTED * np.sqrt(np.diagonal(best.fit.covariance)[where])
 
     def is_new(parameters: FloatArray) -> bool:
-        return all(bool(np.any(np.abs(parameters - other.fit.vector[where]) > slack)) for other in optima)
+        return all(bool(np.any(np.abs(parameters - optimum.fit.vector[where]) > tolerance)) for optimum in optima)
 
-    least = max((trial.promise for trial in trials), default=0.0) - criteria.WORTH_WORK
+    threshold = max((trial.promise for trial in trials), default=0.0) - criteria.WORTH_WORK
     for trial in trials:
-        if trial.promise < least or tried == criteria.OPTIMA_TRIED:
+        if trial.promise < threshold or tried == criteria.OPTIMA_TRIED:
             break
         # The trial's model has its effects in another order.
         start = trial.model.layout.moved(start_of(trial), best.fit.model.layout)
         if not is_new(start[where]):
             continue
         tried += 1
-        enough = best.log_evidence - criteria.WORTH_WORK
+        min_evidence = best.log_evidence - criteria.WORTH_WORK
         try:
             fit = fit_model(best.fit.model, best.fit.data, start, applied=applied, most_steps=criteria.OPTIMUM_STEPS)
-            candidate = evaluate(fit, best.fit.data, applied.discrepancy, applied, enough)
+            candidate = evaluate(fit, best.fit.data, applied.discrepancy, applied, min_evidence)
             if at_rest and candidate.log_evidence > best.log_evidence - criteria.WORTH_WORK:
                 candidate = settled(candidate, best.fit.data)
         except (FitFailedError, np.linalg.LinAlgError):
             continue
         if candidate.log_evidence > best.log_evidence - criteria.WITHIN and is_new(candidate.fit.vector[where]):
             optima.append(candidate)
-    return sorted(optima[1:], key=lambda other: -other.log_evidence)
+    return sorted(optima[1:], key=lambda optimum: -optimum.log_evidence)

@@ -73,11 +73,11 @@ class ProfileScan:
     def promises(self, effects: Sequence[LocalChange]) -> list[Promise]:
         """Return what each effect promises, most first."""
         promises = sorted((self._at_places(effect, 0.0) for effect in effects), key=attrgetter("gain"), reverse=True)
-        best = promises[:_KINDS_AT_MASSES]
+        top = promises[:_KINDS_AT_MASSES]
         # Beside the right mass a tenth of the gain is left.
-        if best[0].gain > criteria.LOOKED_AT and (log_mass := self._log_mass([promise.effect for promise in best])):
-            there = (self._at_places(promise.effect, log_mass) for promise in promises)
-            promises = [max(pair, key=attrgetter("gain")) for pair in zip(promises, there, strict=True)]
+        if top[0].gain > criteria.LOOKED_AT and (log_mass := self._log_mass([promise.effect for promise in top])):
+            mass_promises = (self._at_places(promise.effect, log_mass) for promise in promises)
+            promises = [max(pair, key=attrgetter("gain")) for pair in zip(promises, mass_promises, strict=True)]
         return sorted(promises, key=attrgetter("gain"), reverse=True)
 
     def _log_mass(self, effects: Sequence[LocalChange]) -> float:
@@ -88,24 +88,24 @@ class ProfileScan:
         shapes = {fastest: coarse.shape(self.fit.vector, fastest)}
 
         def gain(log_mass: float) -> float:
-            return max(float(self._gains(effect, _everywhere(effect), log_mass, shapes)[0].max()) for effect in effects)
+            return max(float(self._gains(effect, _all_places(effect), log_mass, shapes)[0].max()) for effect in effects)
 
         gain_of = {log_mass: gain(log_mass) for log_mass in _LOG_MASSES}
-        best = max(gain_of, key=gain_of.__getitem__)
-        if best:
-            gain_of |= {best + step: gain(best + step) for step in _NEAR_MASSES}
+        best_log_mass = max(gain_of, key=gain_of.__getitem__)
+        if best_log_mass:
+            gain_of |= {best_log_mass + step: gain(best_log_mass + step) for step in _NEAR_MASSES}
         return max(gain_of, key=gain_of.__getitem__)
 
     def _at_places(self, effect: LocalChange, log_mass: float) -> Promise:
         """Return what a change promises at its best place and width."""
-        first, width = _everywhere(effect), effect.shape.width_rad
-        gains, sizes = self._gains(effect, first, log_mass, self._shapes)
-        best = list(zip(gains.tolist(), sizes.tolist(), first, strict=True))
+        places, width = _all_places(effect), effect.shape.width_rad
+        gains, sizes = self._gains(effect, places, log_mass, self._shapes)
+        candidates = list(zip(gains.tolist(), sizes.tolist(), places, strict=True))
         for peak in _peaks(gains):
-            near = [(first[peak][0] + step, width * factor) for factor in _WIDTHS for step in _NEAR_RAD.tolist()]
-            gains, sizes = self._gains(effect, near, log_mass, self._shapes)
-            best += zip(gains.tolist(), sizes.tolist(), near, strict=True)
-        gain, size, (angle_rad, width) = max(best, key=lambda entry: entry[0])
+            neighbours = [(places[peak][0] + step, width * factor) for factor in _WIDTHS for step in _NEAR_RAD.tolist()]
+            gains, sizes = self._gains(effect, neighbours, log_mass, self._shapes)
+            candidates += zip(gains.tolist(), sizes.tolist(), neighbours, strict=True)
+        gain, size, (angle_rad, width) = max(candidates, key=lambda entry: entry[0])
         angle_rad = (angle_rad + math.pi) % (2.0 * math.pi) - math.pi
         return Promise(effect, np.array([size, angle_rad, width, *effect.start_values[0][3:-1], log_mass]), gain)
 
@@ -115,26 +115,26 @@ class ProfileScan:
         """Return the gain of each place and width in the groups of some shapes, and the size there."""
         gains, sizes = np.empty(len(tried)), np.empty(len(tried))
         std = effect.parameters[0].prior_std
-        for begin in range(0, len(tried), _ROWS):
-            rows = self._rows(effect, tried[begin : begin + _ROWS], log_mass, shapes)
-            over = []
+        for start in range(0, len(tried), _ROWS):
+            rows = self._rows(effect, tried[start : start + _ROWS], log_mass, shapes)
+            factor_results = []
             for fit, level in zip(self._fits, self._levels.tolist(), strict=True):
-                score, information = self._projected(fit, rows, len(tried[begin : begin + _ROWS]))
+                score, information = self._projected(fit, rows, len(tried[start : start + _ROWS]))
                 gain = 0.5 * score**2 / (information + std**-2) - 0.5 * np.log1p(std**2 * information)
-                over.append((level + gain, score / (information + std**-2)))
-            totals = np.stack([total for total, _ in over])
-            which = np.argmax(totals, axis=0)
+                factor_results.append((level + gain, score / (information + std**-2)))
+            totals = np.stack([total for total, _ in factor_results])
+            best_factor = np.argmax(totals, axis=0)
             columns = np.arange(totals.shape[1])
-            gains[begin : begin + _ROWS] = totals[which, columns] - self._levels.max()
-            sizes[begin : begin + _ROWS] = np.stack([size for _, size in over])[which, columns]
+            gains[start : start + _ROWS] = totals[best_factor, columns] - self._levels.max()
+            sizes[start : start + _ROWS] = np.stack([size for _, size in factor_results])[best_factor, columns]
         return gains, sizes
 
     def _projected(self, fit: Fit, rows: Sequence[FloatArray | None], count: int) -> tuple[FloatArray, FloatArray]:
         """Return the score and the information of each row, what the parameters of the fit take left out."""
         cross = fit.cross(rows)
         information = fit.cross_information(rows, count)[:, 0, 0]
-        taken = np.linalg.solve(fit.precision, cross[:-1])
-        return cross[-1] - fit.step @ cross[:-1], np.maximum(information - (cross[:-1] * taken).sum(axis=0), 1e-300)
+        weights = np.linalg.solve(fit.precision, cross[:-1])
+        return cross[-1] - fit.step @ cross[:-1], np.maximum(information - (cross[:-1] * weights).sum(axis=0), 1e-300)
 
     def _rows(
         self, effect: LocalChange, tried: Sequence[tuple[float, float]], log_mass: float, shapes: Mapping[int, Shape]
@@ -153,8 +153,8 @@ class ProfileScan:
                 orders[same_width] = effect.unit_orders(block, places[same_width], float(width), log_mass)
             if group.declared_roll_rad or group.declared_pitch_rad:
                 orders = mounting_matrix(group.declared_roll_rad, group.declared_pitch_rad) @ orders
-            turn = np.exp(-1j * float(self.fit.vector[model.layout.centre(index)]) * _ORDER)
-            rows[index] = as_real(orders * turn)
+            phase_shift = np.exp(-1j * float(self.fit.vector[model.layout.centre(index)]) * _ORDER)
+            rows[index] = as_real(orders * phase_shift)
         return rows
 
 
@@ -163,9 +163,9 @@ def under_factors(fit: Fit) -> tuple[list[Fit], FloatArray]:
     if fit.applied is None:
         raise ValueError("a scan needs the discrepancy of its fit")
     discrepancy, amplitudes = fit.applied.discrepancy, fit.applied.amplitudes
-    least = (criteria.LEAST_SHARE * discrepancy.reference_mps2) ** 2
+    floor = (criteria.LEAST_SHARE * discrepancy.reference_mps2) ** 2
     fits = [
-        fit if factor == 1.0 else fit.under(discrepancy.applied(np.maximum(factor * amplitudes, least)))
+        fit if factor == 1.0 else fit.under(discrepancy.applied(np.maximum(factor * amplitudes, floor)))
         for factor in _FACTORS
     ]
     return fits, np.array([log_evidence(scaled_fit.moved(scaled_fit.step)) for scaled_fit in fits])
@@ -182,7 +182,7 @@ def fitted_with(promise: Promise, fit: Fit, data: Whitened, rival: Fit | None = 
         data: whitened.
         rival: with another effect; a fit that leaves far more than it is not worked out.
     """
-    enough = math.inf if rival is None else (rival.misfit - data.size) / criteria.FAR_LESS
+    max_excess = math.inf if rival is None else (rival.misfit - data.size) / criteria.FAR_LESS
     parameters = np.clip(promise.parameters, *bounds(promise.effect))
     tire, fitted = fit.vector[fit.model.layout.states], fit
     try:
@@ -193,15 +193,15 @@ def fitted_with(promise: Promise, fit: Fit, data: Whitened, rival: Fit | None = 
             if fitted is fit:
                 start[model.layout.effect(effect.name)] = parameters
             fitted = fit_model(model, data, start, most_steps=_STEPS)
-            moved, tire = fitted.vector[model.layout.states] - tire, fitted.vector[model.layout.states]
-            if float(np.abs(moved).max()) < _SETTLED or fitted.misfit - data.size > enough:
+            tire_step, tire = fitted.vector[model.layout.states] - tire, fitted.vector[model.layout.states]
+            if float(np.abs(tire_step).max()) < _SETTLED or fitted.misfit - data.size > max_excess:
                 break
     except (FitFailedError, NoShapeError, np.linalg.LinAlgError):
         return None
     return fitted
 
 
-def _everywhere(effect: LocalChange) -> list[tuple[float, float]]:
+def _all_places(effect: LocalChange) -> list[tuple[float, float]]:
     """Return places all around, each with the usual width."""
     places = np.linspace(-math.pi, math.pi, _FIRST_PLACES, endpoint=False)
     return [(angle_rad, effect.shape.width_rad) for angle_rad in places.tolist()]

@@ -9,9 +9,9 @@ from gateway.diagnosis.model.closure_model import AngleEffect
 
 def is_taken(effect: AngleEffect, taken: Sequence[AngleEffect]) -> bool:
     """Return whether an effect, or another form of it, is among those taken."""
-    if any(effect.name == other.name for other in taken):
+    if any(effect.name == candidate.name for candidate in taken):
         return True
-    return bool(effect.form_of) and any(other.form_of == effect.form_of for other in taken)
+    return bool(effect.form_of) and any(candidate.form_of == effect.form_of for candidate in taken)
 
 
 def rivals_of(effect: str, worth: float, effects: Iterable[str], promises: Sequence[Mapping[str, float]]) -> list[str]:
@@ -24,12 +24,12 @@ def rivals_of(effect: str, worth: float, effects: Iterable[str], promises: Seque
         promises: for every set of a chain, the gain of log evidence that each effect promised without a discrepancy.
     """
     tried = {name for promised in promises for name in promised}
-    share, slack = criteria.RIVAL_SHARE, criteria.LOOKED_AT
+    share, margin = criteria.RIVAL_SHARE, criteria.LOOKED_AT
     # Where it promised next to nothing itself, so did all others.
-    promising = [of for of in promises if share * of.get(effect, 0.0) > slack] or promises
+    promising = [gains for gains in promises if share * gains.get(effect, 0.0) > margin] or promises
     return [
         name
         for name in effects
         if name not in tried
-        or any(of.get(name, -math.inf) > share * min(of.get(effect, 0.0), worth) - slack for of in promising)
+        or any(gains.get(name, -math.inf) > share * min(gains.get(effect, 0.0), worth) - margin for gains in promising)
     ]

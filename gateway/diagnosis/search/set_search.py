@@ -56,7 +56,7 @@ class SetSearch:
         expired: True when the time that the search may take is over.
         on_step: called with the number of effects of the set that is being worked on.
         helpers: processes that share the trials; the result does not depend on their number.
-        found: sets with their evidence.
+        evaluations: sets with their evidence.
         optima: other optima of the best set, by the effect whose shape is another.
         rejected: sets without an evidence, since a fit failed.
         complete: False when the search ended because its time was over.
@@ -103,7 +103,7 @@ class SetSearch:
             ).tolist()
         )
         if not self._corrections:
-            self._begin(start, self.effects)
+            self._start_scan(start, self.effects)
         self._evaluate(start, None)
         corrected = self._corrected(start)
         self._chains(corrected)
@@ -111,66 +111,66 @@ class SetSearch:
         if expected is not None:
             self._chains(expected)
         self._climb()
-        while not self._stop() and (self._placed() or self._concentrate() or self._settled() or self._moved()):
+        while not self._stop() and (self._try_local() or self._concentrate() or self._converge() or self._try_optima()):
             self._climb()
         return self.best
 
-    def _rest(self, names: Names) -> None:
+    def _converge_set(self, names: Names) -> None:
         """Let a set rest where much is left; near the noise all sets do."""
         evaluated = self.evaluations[names]
         if self._at_rest.get(names) is evaluated or self._at_noise(evaluated.fit):
             return
-        at_rest = self._at_rest[names] = self.evaluations[names] = settled(evaluated, self.data)
-        if at_rest is not self.best and at_rest.fit.applied is not None:
-            at_rest.fit.applied.release()
+        converged = self._at_rest[names] = self.evaluations[names] = settled(evaluated, self.data)
+        if converged is not self.best and converged.fit.applied is not None:
+            converged.fit.applied.release()
 
-    def _rest_best(self) -> None:
+    def _converge_best(self) -> None:
         """Let the best set rest, and the one that is then the best, until it stays so.
 
         A set that is taken for the best before it rests leads the search where the rounding of the machine decides.
         """
         while not self._stop():
             best = self.best
-            self._rest(best.names)
+            self._converge_set(best.names)
             if self.best.names == best.names:
                 return
 
-    def _settled(self) -> bool:
+    def _converge(self) -> bool:
         """Let the sets that matter rest; return whether another one is then the best."""
         best = self.best
-        least = best.log_evidence + math.log(criteria.SUPPORTED)
+        threshold = best.log_evidence + math.log(criteria.SUPPORTED)
         for names in sorted(self.evaluations, key=lambda names: (-self.evaluations[names].log_evidence, sorted(names))):
             if self._stop():
                 break
-            if self.evaluations[names].log_evidence >= least or not names:
-                self._rest(names)
-        self._rest_best()
+            if self.evaluations[names].log_evidence >= threshold or not names:
+                self._converge_set(names)
+        self._converge_best()
         return self.best.names != best.names
 
     def _climb(self) -> None:
         """Evaluate the neighbours of the best set until it is the best of them; likewise of its rivals."""
         done: list[Evaluated] = []
-        grown: list[Evaluated] = []
+        expanded: list[Evaluated] = []
         while not self._stop():
-            self._rest_best()
+            self._converge_best()
             leader = next(
-                (evaluated for evaluated in self._leaders() if not any(evaluated is other for other in done)), None
+                (evaluated for evaluated in self._leaders() if not any(evaluated is climbed for climbed in done)), None
             )
             if leader is not None:
                 worth = self._is_worth_climbing(leader, done)
                 done.append(leader)
-                if worth and not self._restarted(leader):
+                if worth and not self._refit_from_priors(leader):
                     self._neighbours(leader)
                 continue
             rival = next(
-                (evaluated for evaluated in self._rivals() if not any(evaluated is other for other in grown)), None
+                (evaluated for evaluated in self._rivals() if not any(evaluated is parent for parent in expanded)), None
             )
             if rival is None:
                 return
-            grown.append(rival)
+            expanded.append(rival)
             if len(rival.names) < criteria.MOST_EFFECTS:
-                near = self.best.log_evidence - criteria.WITHIN
-                self._add(rival.fit, rival, self._additions(rival.fit, near), near)
+                threshold = self.best.log_evidence - criteria.WITHIN
+                self._try_additions(rival.fit, rival, self._additions(rival.fit, threshold), threshold)
 
     def _is_worth_climbing(self, leader: Evaluated, done: Sequence[Evaluated]) -> bool:
         """Return whether the neighbours of a set are worth the work after those of others.
@@ -192,10 +192,10 @@ class SetSearch:
 
         With one more effect it may explain the same: two effects may do together what a flexible one does alone.
         """
-        least = self.best.log_evidence - criteria.WORTH_GROWTH
+        threshold = self.best.log_evidence - criteria.WORTH_GROWTH
         for name in sorted(self.best.names):
             without = [evaluated for names, evaluated in self.evaluations.items() if name not in names]
-            if without and (rival := _best(without)).log_evidence > least:
+            if without and (rival := _best(without)).log_evidence > threshold:
                 yield rival
 
     def _leaders(self) -> Iterator[Evaluated]:
@@ -205,14 +205,14 @@ class SetSearch:
         with both.
         """
         yield self.best
-        least = self.best.log_evidence - criteria.WORTH_WORK
-        yield from (evaluated for evaluated in self._rivals() if evaluated.log_evidence > least)
+        threshold = self.best.log_evidence - criteria.WORTH_WORK
+        yield from (evaluated for evaluated in self._rivals() if evaluated.log_evidence > threshold)
         expected = frozenset(effect.name for effect in self._expected)
         if not expected:
             return
         for included in (expected, frozenset[str]()):
-            alike = [evaluated for names, evaluated in self.evaluations.items() if names & expected == included]
-            if alike and (leader := _best(alike)).log_evidence > least:
+            matching = [evaluated for names, evaluated in self.evaluations.items() if names & expected == included]
+            if matching and (leader := _best(matching)).log_evidence > threshold:
                 yield leader
 
     def _concentrate(self) -> bool:
@@ -226,25 +226,25 @@ class SetSearch:
         caller, evident = call
         applied = caller.fit.applied
         assert applied is not None
-        before, smoother = self.evaluations, self.discrepancy
-        concentrated = smoother.concentrated(evident.concentration)
+        previous, previous_discrepancy = self.evaluations, self.discrepancy
+        concentrated = previous_discrepancy.concentrated(evident.concentration)
         try:
-            begin = concentrated.applied(np.concatenate([applied.amplitudes, evident.amplitudes[:, :, None]], axis=2))
+            initial = concentrated.applied(np.concatenate([applied.amplitudes, evident.amplitudes[:, :, None]], axis=2))
         except np.linalg.LinAlgError:
             return False
         self.evaluations, self.discrepancy = {}, concentrated
         for evaluated in sorted(
-            before.values(), key=lambda evaluated: (-evaluated.log_evidence, sorted(evaluated.names))
+            previous.values(), key=lambda evaluated: (-evaluated.log_evidence, sorted(evaluated.names))
         ):
             # Even without time left, the best set and the empty one are needed.
             if not (self.evaluations and evaluated.names and self._stop()):
-                self._evaluate(evaluated.fit, self.best.fit.applied if self.evaluations else begin)
+                self._evaluate(evaluated.fit, self.best.fit.applied if self.evaluations else initial)
         if frozenset() not in self.evaluations:
-            self.evaluations, self.discrepancy = before, smoother
+            self.evaluations, self.discrepancy = previous, previous_discrepancy
             return False
         return True
 
-    def _placed(self) -> bool:
+    def _try_local(self) -> bool:
         """Try changes at one place of the wheel beside the best set; return whether a set with one is better.
 
         A chain would have to try every place of each.
@@ -280,14 +280,14 @@ class SetSearch:
                 self._evaluate(fit, self.discrepancy.applied(criteria.SMALLER_DISCREPANCY * applied.amplitudes))
         return self.best is not best
 
-    def _moved(self) -> bool:
+    def _try_optima(self) -> bool:
         """Look for other optima of the best set; return whether one is better, which is then the set's own."""
         best, self.optima = self.best, {}
-        flat = not self._at_noise(best.fit)
+        is_flat = not self._at_noise(best.fit)
         for effect in sorted(best.fit.model.effects, key=lambda effect: effect.name):
             self.on_step(len(best.names))
-            bare = None if self._stop() else self._bare(best, effect)
-            optima = [] if bare is None else other_optima(best, bare, effect, self._scanned, at_rest=flat)
+            reduced = None if self._stop() else self._reduced(best, effect)
+            optima = [] if reduced is None else other_optima(best, reduced, effect, self._scanned, at_rest=is_flat)
             if optima and optima[0].log_evidence > best.log_evidence:
                 # Those found so far are of the worse one.
                 self.evaluations[best.names], self.optima = optima[0], {}
@@ -305,15 +305,15 @@ class SetSearch:
         if len(self.discrepancy.concentrations) >= criteria.MOST_CONCENTRATED:
             return None
         if not self._at_noise(best.fit):
-            less = [
+            smaller = [
                 self.evaluations[names] for name in best.names if (names := best.names - {name}) in self.evaluations
             ]
-            asked = [(evaluated, evident) for evaluated in less if (evident := self._evident(evaluated)) is not None]
+            calls = [(evaluated, evident) for evaluated in smaller if (evident := self._evident(evaluated)) is not None]
             worth = {
                 evaluated.names: evaluated.log_evidence + evident.gain + evident.log_odds
-                for evaluated, evident in asked
+                for evaluated, evident in calls
             }
-            most_urgent = max(asked, key=lambda pair: (worth[pair[0].names], sorted(pair[0].names)), default=None)
+            most_urgent = max(calls, key=lambda pair: (worth[pair[0].names], sorted(pair[0].names)), default=None)
             if most_urgent is not None and worth[most_urgent[0].names] > best.log_evidence:
                 return most_urgent
         evident = self._evident(best)
@@ -344,14 +344,14 @@ class SetSearch:
         best = self.best
         without = [evaluated.log_evidence for names, evaluated in self.evaluations.items() if name not in names]
         worth = best.log_evidence - max(without, default=-math.inf)
-        rest = best.names - {name}
+        remaining = best.names - {name}
         return tuple(
             rival
             for rival in rivals_of(name, worth, self.effects, list(self.promises.values()))
             if rival not in best.names
             and not isinstance(self.effects[rival], LocalChange)
-            and rest | {rival} not in self.evaluations
-            and rest | {rival} not in self.rejected
+            and remaining | {rival} not in self.evaluations
+            and remaining | {rival} not in self.rejected
         )
 
     @property
@@ -367,26 +367,26 @@ class SetSearch:
     def _at_noise(self, fit: Fit) -> bool:
         return fit.misfit < criteria.AT_NOISE * self.data.size
 
-    def _evaluate(self, fit: Fit, near: Applied | None) -> Evaluated | None:
+    def _evaluate(self, fit: Fit, initial: Applied | None) -> Evaluated | None:
         names = names_of(fit)
         if names in self.rejected:
             return None
         if names not in self.evaluations:
             self.on_step(len(names))
-            before = self.best if self.evaluations else None
+            previous_best = self.best if self.evaluations else None
             try:
-                enough = -math.inf if before is None else before.log_evidence - criteria.WORTH_WORK
-                self.evaluations[names] = evaluate(fit, self.data, self.discrepancy, near, enough)
+                min_evidence = -math.inf if previous_best is None else previous_best.log_evidence - criteria.WORTH_WORK
+                self.evaluations[names] = evaluate(fit, self.data, self.discrepancy, initial, min_evidence)
             except (FitFailedError, np.linalg.LinAlgError):
                 self.rejected.add(names)
                 return None
             # Others are seldom needed, and a hundred sets would take gigabytes.
-            for evaluated in (before, self.evaluations[names]):
+            for evaluated in (previous_best, self.evaluations[names]):
                 if evaluated is not None and evaluated is not self.best and evaluated.fit.applied is not None:
                     evaluated.fit.applied.release()
         return self.evaluations[names]
 
-    def _evaluate_anew(self, fit: Fit, near: Applied | None) -> None:
+    def _evaluate_anew(self, fit: Fit, initial: Applied | None) -> None:
         """Evaluate a set, also a known one, and keep the better optimum.
 
         From a worse one, the effect that the set lacks would get the credit for leading out of it.
@@ -394,7 +394,7 @@ class SetSearch:
         names = names_of(fit)
         previous = self.evaluations.get(names)
         self.evaluations.pop(names, None)
-        evaluated = self._evaluate(fit, near)
+        evaluated = self._evaluate(fit, initial)
         if previous is not None and (evaluated is None or evaluated.log_evidence < previous.log_evidence):
             self.evaluations[names] = previous
             self.rejected.discard(names)
@@ -423,9 +423,9 @@ class SetSearch:
     def _expected_in_question(self) -> bool:
         """Return whether an effect that is to be expected is missing in the best set, or in one nearly as good."""
         expected = frozenset(effect.name for effect in self._expected)
-        near = self.best.log_evidence - criteria.WORTH_WORK
+        threshold = self.best.log_evidence - criteria.WORTH_WORK
         return any(
-            evaluated.log_evidence > near and not expected <= evaluated.names for evaluated in self.evaluations.values()
+            entry.log_evidence > threshold and not expected <= entry.names for entry in self.evaluations.values()
         )
 
     def _with_expected(self, start: Fit) -> Fit | None:
@@ -450,48 +450,48 @@ class SetSearch:
         """Add the best effects one after the other, without a discrepancy; from the best first ones."""
         if self._stop():
             return
-        begun: set[Names] = set()
-        firsts = self._fitted(start)
-        for first in firsts[: criteria.BRANCHES]:
+        chain_starts: set[Names] = set()
+        candidates = self._fitted(start)
+        for branch in candidates[: criteria.BRANCHES]:
             if self._at_noise(self.best.fit):
                 break
-            self._chain(first, begun)
-        for other in firsts:
+            self._chain(branch, chain_starts)
+        for candidate in candidates:
             if self._stop():
                 return
-            self._of_chain(other)
+            self._evaluate_extension(candidate)
 
-    def _chain(self, fit: Fit, begun: set[Names]) -> None:
+    def _chain(self, fit: Fit, extended_sets: set[Names]) -> None:
         """Add the best effects to a set one after the other until none is left, or no more evidence comes of it.
 
         Args:
             fit: of the first set.
-            begun: sets from which a chain went on; those of this one are added.
+            extended_sets: sets from which a chain went on; those of this one are added.
         """
         highest, stalled = -math.inf, 0
-        while not self._stop() and names_of(fit) not in begun:
-            begun.add(names_of(fit))
-            last = len(fit.model.effects) >= criteria.MOST_EFFECTS
-            if not last:
-                self._begin(fit, self.effects)
-            better = self._of_chain(fit)
+        while not self._stop() and names_of(fit) not in extended_sets:
+            extended_sets.add(names_of(fit))
+            is_full = len(fit.model.effects) >= criteria.MOST_EFFECTS
+            if not is_full:
+                self._start_scan(fit, self.effects)
+            is_better = self._evaluate_extension(fit)
             evaluated = self.evaluations.get(names_of(fit))
             stalled = 0 if evaluated is not None and evaluated.log_evidence > highest else stalled + 1
             highest = highest if evaluated is None else max(highest, evaluated.log_evidence)
-            hopeful = highest > self.best.log_evidence - criteria.WORTH_WORK
-            if last or stalled >= (criteria.STALLED if hopeful else 1) or (self._at_noise(fit) and not better):
+            near_best = highest > self.best.log_evidence - criteria.WORTH_WORK
+            if is_full or stalled >= (criteria.STALLED if near_best else 1) or (self._at_noise(fit) and not is_better):
                 return
-            nexts = self._fitted(fit)
-            for other in nexts[1:]:
-                self._of_chain(other)
-            if not nexts:
+            candidates = self._fitted(fit)
+            for runner_up in candidates[1:]:
+                self._evaluate_extension(runner_up)
+            if not candidates:
                 return
-            fit = nexts[0]
+            fit = candidates[0]
 
-    def _of_chain(self, fit: Fit) -> bool:
+    def _evaluate_extension(self, fit: Fit) -> bool:
         """Evaluate a set of a chain; return whether it is better than the one that it extends."""
         names = names_of(fit)
-        smaller = [candidate for of, candidate in self.evaluations.items() if of < names]
+        smaller = [candidate for effect_names, candidate in self.evaluations.items() if effect_names < names]
         parent = max(smaller, key=lambda candidate: (len(candidate.names), sorted(candidate.names)))
         evaluated = self._evaluate(fit, parent.fit.applied)
         return evaluated is not None and evaluated.log_evidence > parent.log_evidence
@@ -501,37 +501,37 @@ class SetSearch:
         self.on_step(len(fit.model.effects) + 1)
         trials = self._scan(fit, self.effects)
         self.promises[names_of(fit)] = {trial.effect.name: trial.promise for trial in trials}
-        beyond = max(0.0, fit.misfit - self.data.size)
+        excess = max(0.0, fit.misfit - self.data.size)
         fits: list[tuple[float, Fit]] = []
-        most = trials[0].promise if trials else 0.0
+        highest_promise = trials[0].promise if trials else 0.0
         for trial in trials[: criteria.REFITTED]:
-            if trial.promise < criteria.LOOKED_AT or trial.promise < criteria.PROMISE_SHARE * most:
+            if trial.promise < criteria.LOOKED_AT or trial.promise < criteria.PROMISE_SHARE * highest_promise:
                 break
             if self._stop():
                 break
             try:
-                after = refit(trial, self.data)
+                refitted = refit(trial, self.data)
             except FitFailedError:
                 continue
-            fall = fit.misfit - after.misfit
-            if fall > criteria.EXPLAINED_SHARE * beyond and fall > 2.0 * criteria.LOOKED_AT:
-                fits.append((after.misfit, after))
-            if self._at_noise(after):
+            decrease = fit.misfit - refitted.misfit
+            if decrease > criteria.EXPLAINED_SHARE * excess and decrease > 2.0 * criteria.LOOKED_AT:
+                fits.append((refitted.misfit, refitted))
+            if self._at_noise(refitted):
                 break
         fits.sort(key=lambda entry: entry[0])
-        return [each for _, each in fits]
+        return [refitted for _, refitted in fits]
 
-    def _scan(self, fit: Fit, among: Iterable[str]) -> list[Trial]:
+    def _scan(self, fit: Fit, candidates: Iterable[str]) -> list[Trial]:
         """Return trials of all effects that a set can take, by promise."""
-        scan = self._begin(fit, among)
+        scan = self._start_scan(fit, candidates)
         self._begun.remove(scan)
         return scan.trials(self.expired)
 
-    def _begin(self, fit: Fit, among: Iterable[str]) -> Scan:
+    def _start_scan(self, fit: Fit, candidates: Iterable[str]) -> Scan:
         """Begin a scan in other processes, which is then made while this one does something else."""
         effects = [
             self.effects[name]
-            for name in sorted(among)
+            for name in sorted(candidates)
             if not isinstance(self.effects[name], LocalChange) and not is_taken(self.effects[name], fit.model.effects)
         ]
         for scan in self._begun:
@@ -543,67 +543,67 @@ class SetSearch:
 
     def _neighbours(self, best: Evaluated) -> None:
         """Evaluate the sets that differ from one by a removal, an addition or an exchange of one effect."""
-        near = self.best.log_evidence - criteria.WITHIN
-        bare = [without for effect in best.fit.model.effects if (without := self._bare(best, effect)) is not None]
-        worths = [best.log_evidence - self._score(without) for without in bare]
+        limit = self.best.log_evidence - criteria.WITHIN
+        reduced_fits = [fit for effect in best.fit.model.effects if (fit := self._reduced(best, effect)) is not None]
+        worths = [best.log_evidence - self._score(fit) for fit in reduced_fits]
         expected = frozenset(effect.name for effect in self._expected)
-        grows = len(best.names) < criteria.MOST_EFFECTS
-        additions = self._additions(best.fit, near)
-        if grows and not self._stop() and min(worths, default=math.inf) > criteria.LOOKED_AT:
-            self._begin(best.fit, additions)
+        has_room = len(best.names) < criteria.MOST_EFFECTS
+        additions = self._additions(best.fit, limit)
+        if has_room and not self._stop() and min(worths, default=math.inf) > criteria.LOOKED_AT:
+            self._start_scan(best.fit, additions)
         for index in np.argsort(worths, kind="stable").tolist():
             if self._stop():
                 return
-            self._evaluate_anew(bare[index], best.fit.applied)
-            alike = names_of(bare[index]) & expected == best.names & expected
-            if alike and self._score(bare[index]) > best.log_evidence:
+            self._evaluate_anew(reduced_fits[index], best.fit.applied)
+            keeps_expected = names_of(reduced_fits[index]) & expected == best.names & expected
+            if keeps_expected and self._score(reduced_fits[index]) > best.log_evidence:
                 # From there on: the other neighbours of a set that can do with less are not worth the work.
                 return
-        for without, worth in zip(bare, worths, strict=True):
-            (effect,) = best.names - names_of(without)
-            self._begin(without, rivals_of(effect, worth, self.effects, list(self.promises.values())))
-        for without, worth in zip(bare, worths, strict=True):
+        for fit, worth in zip(reduced_fits, worths, strict=True):
+            (effect,) = best.names - names_of(fit)
+            self._start_scan(fit, rivals_of(effect, worth, self.effects, list(self.promises.values())))
+        for fit, worth in zip(reduced_fits, worths, strict=True):
             if self._stop():
                 return
-            (effect,) = best.names - names_of(without)
-            self._add(without, best, rivals_of(effect, worth, self.effects, list(self.promises.values())), near)
-        if grows and not self._stop():
-            self._add(best.fit, best, additions, near)
+            (effect,) = best.names - names_of(fit)
+            self._try_additions(fit, best, rivals_of(effect, worth, self.effects, list(self.promises.values())), limit)
+        if has_room and not self._stop():
+            self._try_additions(best.fit, best, additions, limit)
             self._regrow(best)
 
-    def _restarted(self, best: Evaluated) -> bool:
+    def _refit_from_priors(self, best: Evaluated) -> bool:
         """Fit a set anew from the usual shapes of its effects; return whether that is the better optimum.
 
         A shape far from the usual one may have stood for an effect that the set lacked when it was first fitted.
         """
         model = best.fit.model
-        begun = False
+        has_refitted = False
         for effect in model.effects:
             vector, where = best.fit.vector.copy(), model.layout.effect(effect.name)
-            usual = np.array([parameter.prior_mean for parameter in effect.parameters])
-            width = np.array([parameter.prior_std for parameter in effect.parameters])
-            whole = np.array([parameter.whole for parameter in effect.parameters])
-            far = (usual != 0.0) & ~whole & (np.abs(vector[where] - usual) > width)
-            if not far.any():
+            prior_mean = np.array([parameter.prior_mean for parameter in effect.parameters])
+            prior_std = np.array([parameter.prior_std for parameter in effect.parameters])
+            is_integer = np.array([parameter.whole for parameter in effect.parameters])
+            is_far = (prior_mean != 0.0) & ~is_integer & (np.abs(vector[where] - prior_mean) > prior_std)
+            if not is_far.any():
                 continue
             if self._stop():
-                return begun
-            vector[where] = np.where(far, usual, vector[where])
+                return has_refitted
+            vector[where] = np.where(is_far, prior_mean, vector[where])
             try:
                 fit = linearised(model, self.data, vector, applied=best.fit.applied)
             except (NoShapeError, np.linalg.LinAlgError):
                 continue
             if _linear_score(fit) > self.evaluations[best.names].log_evidence:
                 self._evaluate_anew(fit, best.fit.applied)
-                begun = True
-        return begun and self.evaluations[best.names] is not best
+                has_refitted = True
+        return has_refitted and self.evaluations[best.names] is not best
 
     def _score(self, fit: Fit) -> float:
         """Return the log evidence of a set, by its linearisation where it was not worked out."""
         evaluated = self.evaluations.get(names_of(fit))
         return _linear_score(fit) if evaluated is None else evaluated.log_evidence
 
-    def _bare(self, best: Evaluated, effect: AngleEffect) -> Fit | None:
+    def _reduced(self, best: Evaluated, effect: AngleEffect) -> Fit | None:
         """Return the fit of a set without one of its effects, the other parameters as they are."""
         others = tuple(other for other in best.fit.model.effects if other.name != effect.name)
         model = ClosureModel(self.campaign, self.core, others)
@@ -613,22 +613,22 @@ class SetSearch:
         except (NoShapeError, np.linalg.LinAlgError):
             return None
 
-    def _add(self, fit: Fit, best: Evaluated, among: Iterable[str], near: float) -> None:
-        """Evaluate a set, a neighbour of `best`, with each effect that promises an evidence of `near` at least."""
+    def _try_additions(self, fit: Fit, best: Evaluated, candidates: Iterable[str], threshold: float) -> None:
+        """Evaluate a set, a neighbour of `best`, with each effect that promises an evidence of `threshold` at least."""
         score = self._score(fit)
-        for trial in self._scan(fit, among)[: criteria.RIVALS]:
+        for trial in self._scan(fit, candidates)[: criteria.RIVALS]:
             if self._stop():
                 return
             names = names_of(fit) | {trial.effect.name}
             if names in self.evaluations or names in self.rejected or len(names) > criteria.MOST_EFFECTS:
                 continue
             odds = log_prior_odds(trial.model) - log_prior_odds(fit.model)
-            if score + trial.promise + odds < near:
+            if score + trial.promise + odds < threshold:
                 break
-            self._work_out(trial, best)
+            self._evaluate_trial(trial, best)
 
-    def _additions(self, fit: Fit, near: float) -> list[str]:
-        """Return the effects with which a set may have an evidence of `near`.
+    def _additions(self, fit: Fit, threshold: float) -> list[str]:
+        """Return the effects with which a set may have an evidence of `threshold`.
 
         At noise, an effect promises no more with a discrepancy than it did without one.
         """
@@ -636,11 +636,11 @@ class SetSearch:
         if promised is None or not self._at_noise(fit):
             return list(self.effects)
         conditions = tuple(group.conditions for group in self.campaign.groups)
-        least = near - criteria.LOOKED_AT - self._score(fit)
+        min_gain = threshold - criteria.LOOKED_AT - self._score(fit)
         return [
             name
             for name, effect in self.effects.items()
-            if promised.get(name, -math.inf) + log_odds(effect, conditions) > least
+            if promised.get(name, -math.inf) + log_odds(effect, conditions) > min_gain
         ]
 
     def _regrow(self, best: Evaluated) -> None:
@@ -654,16 +654,16 @@ class SetSearch:
             if self._stop() or trial.promise < criteria.LOOKED_AT:
                 return
             if names not in self.evaluations and names not in self.rejected:
-                self._work_out(trial, best)
+                self._evaluate_trial(trial, best)
 
-    def _work_out(self, trial: Trial, best: Evaluated) -> None:
+    def _evaluate_trial(self, trial: Trial, best: Evaluated) -> None:
         """Evaluate the set of a trial, from the discrepancy of the best set."""
         try:
-            after = linearised(trial.model, self.data, start_of(trial), applied=best.fit.applied)
+            fit = linearised(trial.model, self.data, start_of(trial), applied=best.fit.applied)
         except (NoShapeError, np.linalg.LinAlgError):
             self.rejected.add(frozenset(effect.name for effect in trial.model.effects))
             return
-        self._evaluate(after, best.fit.applied)
+        self._evaluate(fit, best.fit.applied)
 
 
 def baseline_fit(campaign: Campaign, core: Core, data: Whitened) -> Fit:

@@ -28,13 +28,13 @@ def doubted_sets(sets: Mapping[Names, Evaluated], data: Whitened) -> tuple[dict[
         data: whitened.
     """
     ratios = {names: ratios_by_part(evaluated.fit, data) for names, evaluated in sets.items()}
-    result = {names: _explaining(evaluated, ratios) for names, evaluated in sets.items()}
+    result = {names: _with_objections(evaluated, ratios) for names, evaluated in sets.items()}
     possible = [evaluated for evaluated in result.values() if not evaluated.objections]
-    best = min(possible, key=lambda evaluated: (-evaluated.log_evidence, sorted(evaluated.names)))
-    return result, ByPart(*map(math.sqrt, ratios[best.names]))
+    best_possible = min(possible, key=lambda evaluated: (-evaluated.log_evidence, sorted(evaluated.names)))
+    return result, ByPart(*map(math.sqrt, ratios[best_possible.names]))
 
 
-def _explaining(evaluated: Evaluated, ratios: Mapping[Names, ByPart]) -> Evaluated:
+def _with_objections(evaluated: Evaluated, ratios: Mapping[Names, ByPart]) -> Evaluated:
     """Return a set that leaves more than noise with an objection to each effect that others need not.
 
     An effect explains nothing if the set without it leaves less of the plane or of the lateral axis, or if a set of no
@@ -45,36 +45,36 @@ def _explaining(evaluated: Evaluated, ratios: Mapping[Names, ByPart]) -> Evaluat
     if max(set_ratios) < criteria.TEMPERED:
         return evaluated
     objected = {name for name, _ in evaluated.objections}
-    half = ByPart(*(1.0 + criteria.FAR_LESS * (each - 1.0) for each in set_ratios))
-    more = []
+    limits = ByPart(*(1.0 + criteria.FAR_LESS * (ratio - 1.0) for ratio in set_ratios))
+    objections = []
     for name in sorted(evaluated.names - objected):
-        bare = evaluated.names - {name}
-        better = [ratios[bare]] if bare in ratios and _leaves_less(ratios[bare], set_ratios, set_ratios) else []
-        others = [ratio for names, ratio in ratios.items() if name not in names and len(names) <= len(evaluated.names)]
-        better += [each for each in others if _leaves_less(each, half, set_ratios)]
-        if better:
-            least = min(better, key=sum)
-            part = max(range(len(set_ratios)), key=lambda index: set_ratios[index] - least[index])
+        others = evaluated.names - {name}
+        lower = [ratios[others]] if others in ratios and _leaves_less(ratios[others], set_ratios, set_ratios) else []
+        rivals = [ratio for names, ratio in ratios.items() if name not in names and len(names) <= len(evaluated.names)]
+        lower += [ratio for ratio in rivals if _leaves_less(ratio, limits, set_ratios)]
+        if lower:
+            lowest_ratios = min(lower, key=sum)
+            part = max(range(len(set_ratios)), key=lambda index: set_ratios[index] - lowest_ratios[index])
             reason = Reason(
                 DiagnosisCode.LEAVES_MORE_THAN_WITHOUT,
                 with_it=math.sqrt(set_ratios[part]),
-                without=math.sqrt(least[part]),
+                without=math.sqrt(lowest_ratios[part]),
             )
-            more.append((name, reason))
-    return replace(evaluated, objections=(*evaluated.objections, *more)) if more else evaluated
+            objections.append((name, reason))
+    return replace(evaluated, objections=(*evaluated.objections, *objections)) if objections else evaluated
 
 
-def _leaves_less(other: ByPart, limits: ByPart, set_ratios: ByPart) -> bool:
+def _leaves_less(other_ratios: ByPart, limits: ByPart, set_ratios: ByPart) -> bool:
     """Return whether another set is within the limit of a part above noise, and leaves no more of the others."""
-    below = any(
+    is_below = any(
         other_ratio <= limit
-        for other_ratio, limit, set_ratio in zip(other, limits, set_ratios, strict=True)
+        for other_ratio, limit, set_ratio in zip(other_ratios, limits, set_ratios, strict=True)
         if set_ratio >= criteria.TEMPERED
     )
-    share = 1.0 + criteria.LEAVES_THE_SAME
-    return below and all(
-        other_ratio - 1.0 <= share * (set_ratio - 1.0) + criteria.LEAVES_THE_SAME
-        for other_ratio, set_ratio in zip(other, set_ratios, strict=True)
+    factor = 1.0 + criteria.LEAVES_THE_SAME
+    return is_below and all(
+        other_ratio - 1.0 <= factor * (set_ratio - 1.0) + criteria.LEAVES_THE_SAME
+        for other_ratio, set_ratio in zip(other_ratios, set_ratios, strict=True)
     )
 
 
@@ -87,7 +87,7 @@ def posterior_of(search: SetSearch) -> Posterior:
     sets, temperatures = doubted_sets(search.evaluations, search.data)
     posterior = over({names: evaluated.tempered(*temperatures) for names, evaluated in sets.items()})
     possible = {
-        name: tuple(evaluated.tempered(*temperatures) for evaluated in each if not evaluated.objections)
-        for name, each in (search.optima.items() if posterior.best.names == search.best.names else ())
+        name: tuple(evaluated.tempered(*temperatures) for evaluated in optima if not evaluated.objections)
+        for name, optima in (search.optima.items() if posterior.best.names == search.best.names else ())
     }
     return replace(posterior, temperatures=temperatures, optima=possible)

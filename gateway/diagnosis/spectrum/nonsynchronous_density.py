@@ -17,10 +17,10 @@ LOW_PASS: Final = "low-pass behind the sensor"
 
 _HANN: Final = (1.0 / 6.0, 2.0 / 3.0, 1.0 / 6.0)
 # Fits may go this far beyond the physical range, so that an implausible value is seen as one.
-_BELOW, _ABOVE = 0.7, 1.4
-_SIZE_ABOVE: Final = 4.0
+_LOW_FACTOR, _HIGH_FACTOR = 0.7, 1.4
+_MAX_SIZE_FACTOR: Final = 4.0
 # A strange band may lie anywhere in the spectrum.
-_ANYWHERE: Final = 5.0
+_STRANGE_RANGE: Final = 5.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,25 +67,25 @@ class Component:
         self.name = strange_name(effect.name) if self.strange else effect.name
         self.decades = math.log(effect.parameters[0].high / effect.parameters[0].low)
         self._number = len(effect.parameters)
-        wide = _ANYWHERE if self.strange else 1.0
-        ends = []
+        range_factor = _STRANGE_RANGE if self.strange else 1.0
+        limits = []
         for number, parameter in enumerate(effect.parameters):
             low, high = (
-                (0.0, _SIZE_ABOVE * parameter.high)
+                (0.0, _MAX_SIZE_FACTOR * parameter.high)
                 if number == 0
-                else (_BELOW * parameter.low, _ABOVE * parameter.high)
+                else (_LOW_FACTOR * parameter.low, _HIGH_FACTOR * parameter.high)
             )
-            ends.append((low / wide, high * wide, parameter.prior_mean, parameter.prior_std))
-        free = criteria.FREE_SIZE
-        ends += [(-wide * free, wide * free, 0.0, free)] * (3 * free_groups)
-        self.prior = Prior(*np.array(ends, dtype=np.float64).T)
+            limits.append((low / range_factor, high * range_factor, parameter.prior_mean, parameter.prior_std))
+        size_std = criteria.FREE_SIZE
+        limits += [(-range_factor * size_std, range_factor * size_std, 0.0, size_std)] * (3 * free_groups)
+        self.prior = Prior(*np.array(limits, dtype=np.float64).T)
 
     def density(
         self, site: int, conditions: GroupConditions, frequency_hz: FloatArray, parameters: FloatArray
     ) -> FloatArray:
         """Return its one-sided density in a group, (3, m), (m/s^2)^2 per Hz."""
         shape = self.effect.density(conditions, frequency_hz, parameters[: self._number])
-        return self._everywhere(shape) * self._sizes(site, parameters) if self.strange else shape
+        return self._on_all_axes(shape) * self._sizes(site, parameters) if self.strange else shape
 
     def derivative(
         self, site: int, conditions: GroupConditions, frequency_hz: FloatArray, parameters: FloatArray
@@ -97,17 +97,17 @@ class Component:
         rows = np.zeros((len(parameters), 3, len(frequency_hz)))
         sizes = self._sizes(site, parameters)
         for number, row in enumerate(shape):
-            rows[number] = self._everywhere(row) * sizes
+            rows[number] = self._on_all_axes(row) * sizes
         density = self.density(site, conditions, frequency_hz, parameters)
         for axis in range(3):
             rows[self._number + 3 * site + axis, axis] = 2.0 * density[axis]
         return rows
 
-    def _everywhere(self, density: FloatArray) -> FloatArray:
+    def _on_all_axes(self, density: FloatArray) -> FloatArray:
         """Return a density (3, m) with the mean of its axes on those on which the effect does not act."""
         result = density.copy()
-        quiet = [axis for axis in range(3) if axis not in self.effect.axes]
-        result[quiet] = density[list(self.effect.axes)].mean(axis=0)
+        inactive = [axis for axis in range(3) if axis not in self.effect.axes]
+        result[inactive] = density[list(self.effect.axes)].mean(axis=0)
         return result
 
     def _sizes(self, site: int, parameters: FloatArray) -> FloatArray:
@@ -218,9 +218,9 @@ class Site:
 
     def wide(self, values: FloatArray) -> FloatArray:
         """Return means over wide bins, (..., b), of values at `grid_hz`, convolved with the spectral window."""
-        seen = through_window(values, self.dense)
+        convolved = through_window(values, self.dense)
         count = np.diff(np.append(self.first, len(self.grid_hz)))
-        result: FloatArray = np.add.reduceat(seen, self.first, axis=-1) / count
+        result: FloatArray = np.add.reduceat(convolved, self.first, axis=-1) / count
         return result
 
 
@@ -228,10 +228,10 @@ def through_window(density: FloatArray, dense: int) -> FloatArray:
     """Return a density convolved with the Hann window; the first `dense` values belong to neighbouring bins."""
     if dense < 3:
         return density
-    seen = density.copy()
+    convolved = density.copy()
     part = density[..., :dense]
-    seen[..., 1 : dense - 1] = _HANN[0] * part[..., :-2] + _HANN[1] * part[..., 1:-1] + _HANN[2] * part[..., 2:]
-    return seen
+    convolved[..., 1 : dense - 1] = _HANN[0] * part[..., :-2] + _HANN[1] * part[..., 1:-1] + _HANN[2] * part[..., 2:]
+    return convolved
 
 
 def wide_density(
@@ -259,21 +259,21 @@ def wide_density(
         first += len(parameters)
     noise = np.repeat(np.exp(level)[:, None], bins, axis=1)
     if parts.low_pass:
-        passed, slopes = _passed(site.grid_hz, shared[first:])
-        seen = site.wide(passed)
-        rows *= seen
+        gain, slopes = _low_pass_gain(site.grid_hz, shared[first:])
+        wide_gain = site.wide(gain)
+        rows *= wide_gain
         rows[first:] = (total + noise) * site.wide(slopes)[:, None]
-        total, noise = total * seen, noise * seen
+        total, noise = total * wide_gain, noise * wide_gain
     return total + noise, noise, rows
 
 
-def _passed(frequency_hz: FloatArray, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _low_pass_gain(frequency_hz: FloatArray, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return |H|^2 of the low-pass, (m,), and its derivatives by ln of the corner and by the roll-off, (2, m)."""
     log_ratio = np.log(frequency_hz) - float(parameters[0])
     power = np.exp(np.clip(2.0 * float(parameters[1]) * log_ratio, -300.0, 300.0))
-    passed = 1.0 / (1.0 + power)
-    fall = power * np.square(passed)
-    return passed, np.stack((2.0 * float(parameters[1]) * fall, -2.0 * log_ratio * fall))
+    gain = 1.0 / (1.0 + power)
+    gain_slope = power * np.square(gain)
+    return gain, np.stack((2.0 * float(parameters[1]) * gain_slope, -2.0 * log_ratio * gain_slope))
 
 
 def full_density(
@@ -291,6 +291,6 @@ def full_density(
         first += len(parameters)
     noise = np.repeat(np.exp(level)[:, None], len(frequency), axis=1)
     if parts.low_pass:
-        passed, _ = _passed(frequency, shared[first:])
-        total, noise = total * passed, noise * passed
+        gain, _ = _low_pass_gain(frequency, shared[first:])
+        total, noise = total * gain, noise * gain
     return total + noise, noise

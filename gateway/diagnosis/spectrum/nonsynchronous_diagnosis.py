@@ -61,24 +61,24 @@ def diagnose_time_locked(groups: Sequence[Group], without: Collection[str] = ())
     notes = [Reason(DiagnosisCode.GROUPS_TOO_SHORT, groups=short, of=len(groups))] if short else []
     if not measured:
         return TimeLocked(notes=tuple(notes))
-    sites = tuple(Site.of(index, each) for index, each in enumerate(measured))
-    offered = [effect for name, effect in catalogue().items() if name not in without]
-    effects = [effect for effect in offered if isinstance(effect, SpectrumEffect)]
+    sites = tuple(Site.of(index, measurement) for index, measurement in enumerate(measured))
+    available = [effect for name, effect in catalogue().items() if name not in without]
+    effects = [effect for effect in available if isinstance(effect, SpectrumEffect)]
     posterior = over(SpectrumSearch(sites, effects).evaluations)
     findings = _findings(posterior, effects, sites)
     # The density that is explained is that of effects that are identified, or of which one is.
-    named = frozenset(finding.name for finding in findings if finding.verdict is not Verdict.REFUSED)
-    best = posterior.best
-    fit = best.fit
-    parts, drawn = [], []
+    identified = frozenset(finding.name for finding in findings if finding.verdict is not Verdict.REFUSED)
+    best_set = posterior.best
+    fit = best_set.fit
+    parts, result_spectra = [], []
     for site, level in zip(sites, fit.levels, strict=True):
-        density, noise = full_density(site, fit.parts, level, fit.shared, named)
+        density, noise = full_density(site, fit.parts, level, fit.shared, identified)
         parts += parts_left(site, density, noise, np.exp(level))
-        drawn.append(_drawn(site, density, noise))
+        result_spectra.append(_result_spectra(site, density, noise))
     notes += _notes(posterior)
     remaining = tuple(unexplained(sites, parts))
-    doubted = beside_larger(findings, _larger(findings, remaining, sites, fit), several=several_speeds(sites))
-    return TimeLocked(tuple(doubted), remaining, tuple(drawn), tuple(notes))
+    revised = beside_larger(findings, _larger(findings, remaining, sites, fit), several=several_speeds(sites))
+    return TimeLocked(tuple(revised), remaining, tuple(result_spectra), tuple(notes))
 
 
 def beside_larger(findings: Sequence[Finding], larger: Mapping[str, float], *, several: bool) -> list[Finding]:
@@ -90,7 +90,7 @@ def beside_larger(findings: Sequence[Finding], larger: Mapping[str, float], *, s
         several: whether the recordings have several speeds.
     """
     decides = Reason(DiagnosisCode.RECORD_AGAIN, how="another_road" if several else "another_speed")
-    doubted = []
+    revised = []
     smaller = {
         finding.name
         for finding in findings
@@ -98,10 +98,10 @@ def beside_larger(findings: Sequence[Finding], larger: Mapping[str, float], *, s
     }
     for finding in findings:
         if finding.name in smaller:
-            beside = Reason(
+            doubt = Reason(
                 DiagnosisCode.BESIDE_SOMETHING_LARGER, own_mps2=finding.rms_mps2, larger_mps2=larger[finding.name]
             )
-            finding = replace(finding, reason=beside)
+            finding = replace(finding, reason=doubt)
         if finding.verdict is not Verdict.REFUSED and smaller & {finding.name, *finding.rivals}:
             finding = replace(
                 finding,
@@ -109,8 +109,8 @@ def beside_larger(findings: Sequence[Finding], larger: Mapping[str, float], *, s
                 rivals=(*finding.rivals, UNKNOWN),
                 decide_with=finding.decide_with or decides,
             )
-        doubted.append(finding)
-    return doubted
+        revised.append(finding)
+    return revised
 
 
 def _larger(
@@ -137,13 +137,13 @@ def _within_band(name: str, part: Unexplained, sites: Sequence[Site], fit: Spect
     if name not in fit.parts.names or part.hz is None or not isinstance(effect, SpectrumEffect):
         return False
     parameters = fit.shared[fit.parts.columns_of(name)]
-    inside = total = 0.0
+    in_band = total = 0.0
     for site in sites:
         frequency = site.spectra.frequency_hz
         density = effect.density(site.spectra.conditions, frequency, parameters)
-        inside += float(density[:, (frequency >= part.hz[0]) & (frequency <= part.hz[1])].sum())
+        in_band += float(density[:, (frequency >= part.hz[0]) & (frequency <= part.hz[1])].sum())
         total += float(density.sum())
-    return inside > 0.5 * total
+    return in_band > 0.5 * total
 
 
 def _findings(
@@ -169,8 +169,8 @@ def _finding(
     # What remains without it: the best set that lacks it and any band in its place.
     stand_in = strange_name(name)
     without = max(
-        (other for other in posterior.every.values() if not {name, stand_in} & other.names),
-        key=lambda other: other.log_evidence,
+        (candidate for candidate in posterior.every.values() if not {name, stand_in} & candidate.names),
+        key=lambda candidate: candidate.log_evidence,
     )
     considered = posterior.considered if judgement.possible else ()
     several = several_speeds(sites)
@@ -180,7 +180,7 @@ def _finding(
         parameters_over_sets(
             effect.parameters,
             inside.fit.parameters_of(name),
-            [(other.fit.parameters_of(name), weight) for other, weight in considered if name in other.names],
+            [(member.fit.parameters_of(name), weight) for member, weight in considered if name in member.names],
         ),
         without.fit.deviance - inside.fit.deviance,
         _rms(sites, inside.fit, effect),
@@ -214,7 +214,7 @@ def _notes(posterior: PosteriorOver[SpectrumSet]) -> list[Reason]:
     return [Reason(DiagnosisCode.NOISE_ROLLS_OFF, corner_hz=math.exp(float(fit.shared[-FILTER_TERMS])))]
 
 
-def _drawn(site: Site, density: FloatArray, noise: FloatArray) -> Spectra:
+def _result_spectra(site: Site, density: FloatArray, noise: FloatArray) -> Spectra:
     absent = ~site.spectra.present
     measured, before, after = site.spectra.mean_power(), noise.copy(), density.copy()
     for rows in (measured, before, after):

@@ -14,11 +14,11 @@ LOWEST_HZ: Final = 3.0
 """Lowest frequency used; below it, drift and the alignment of revolutions distort the spectrum."""
 
 # Bandwidth of the deviations relative to their sampling rate.
-_CARRIED: Final = 0.4
+_BAND_RATIO: Final = 0.4
 # Variance factors of overlapping Hann segments, from the correlation of power in neighbouring bins (both sides) and in
 # neighbouring segments.
-_BINS_ALIKE: Final = 1.0 + 2.0 * (4.0 / 9.0 + 1.0 / 36.0)
-_SEGMENTS_ALIKE: Final = 1.0 + 2.0 / 36.0
+_BIN_FACTOR: Final = 1.0 + 2.0 * (4.0 / 9.0 + 1.0 / 36.0)
+_SEGMENT_FACTOR: Final = 1.0 + 2.0 / 36.0
 # Bins for the fit: (upper frequency, width in bins). They are narrow around the hub and cavity resonances.
 _WIDTHS_HZ: Final = ((45.0, 1), (140.0, 4), (310.0, 1), (600.0, 10), (1e9, 25))
 _LEAST_SEGMENTS: Final = 2
@@ -92,7 +92,7 @@ def group_spectra(group: Group, folds: int) -> GroupSpectra | None:
     segment = 2 * round(0.5 * rate_hz / RESOLUTION_HZ)
     window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(segment) / segment)
     low = round(LOWEST_HZ / rate_hz * segment)
-    band = slice(low, int(_CARRIED * segment) + 1)
+    band = slice(low, int(_BAND_RATIO * segment) + 1)
     pieces = [_transforms(run, segment, window, band) for run in runs]
     spectra = np.concatenate([piece for piece in pieces if len(piece)] or [np.empty((0, 3, 1), complex)])
     if len(spectra) < _LEAST_SEGMENTS * folds:
@@ -110,7 +110,7 @@ def group_spectra(group: Group, folds: int) -> GroupSpectra | None:
         present,
         frequency,
         np.stack([power[part].mean(axis=0) for part in parts]),
-        np.array([len(part) / (_SEGMENTS_ALIKE * _BINS_ALIKE) for part in parts]),
+        np.array([len(part) / (_SEGMENT_FACTOR * _BIN_FACTOR) for part in parts]),
         cross,
         runs,
         rate_hz,

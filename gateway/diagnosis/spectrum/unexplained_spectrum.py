@@ -17,10 +17,10 @@ from gateway.diagnosis.spectrum.nonsynchronous_density import Site
 
 # Window widths in bins.
 _WIDTHS: Final = (1, 5, 15, 45, 135)
-_ENDS: Final = 2.0
-_SIDEBAND_TURNS: Final = 3.0
-_BESIDE_TURNS: Final = 10.0
-_MOST_PARTS: Final = 16
+_EDGE_SIGMAS: Final = 2.0
+_SIDEBAND_ORDERS: Final = 3.0
+_RESAMPLING_ORDERS: Final = 10.0
+_MAX_PARTS: Final = 16
 _LINE_HZ: Final = 8.0
 # Share of a band's power that a line in it must hold for the band to be that line.
 _LINE_POWER_SHARE: Final = 0.5
@@ -29,8 +29,8 @@ _SAME_ORDER: Final = 0.06
 # A multiple of the wheel's frequency, so near; a band is of multiples where it is this many times as high near them.
 _MULTIPLE_HZ: Final = 0.7
 _NEAR_HZ: Final = 1.2
-_COMB: Final = 2.0
-_SPEEDS_APART: Final = 0.05
+_COMB_RATIO: Final = 2.0
+_LOG_SPEED_STEP: Final = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +75,7 @@ def parts_left(site: Site, density: FloatArray, noise: FloatArray, level: FloatA
     spectra = site.spectra
     power = spectra.mean_power()
     explained = np.maximum(density - noise, 0.0)
-    reach = max(1, round(_SIDEBAND_TURNS * spectra.wheel_hz / spectra.step_hz))
+    reach = max(1, round(_SIDEBAND_ORDERS * spectra.wheel_hz / spectra.step_hz))
     filtered = np.maximum(level[:, None] - noise, 0.0)
     allowed = (
         density
@@ -86,15 +86,15 @@ def parts_left(site: Site, density: FloatArray, noise: FloatArray, level: FloatA
     parts: list[Part] = []
     for axis in np.flatnonzero(spectra.present).tolist():
         parts += _parts(site, axis, power[axis], density[axis], allowed[axis])
-    return [part for part in parts if not _beside(part, parts, spectra.wheel_hz)]
+    return [part for part in parts if not _is_sideband(part, parts, spectra.wheel_hz)]
 
 
-def _beside(part: Part, others: Sequence[Part], wheel_hz: float) -> bool:
+def _is_sideband(part: Part, lines: Sequence[Part], wheel_hz: float) -> bool:
     """Return whether a part is a sideband of a strong line, left by the resampling of each revolution to time."""
     return any(
-        part.rms_mps2 < criteria.BESIDE_A_LINE * other.rms_mps2
-        and abs(part.centre_hz - other.centre_hz) < _BESIDE_TURNS * wheel_hz
-        for other in others
+        part.rms_mps2 < criteria.BESIDE_A_LINE * line.rms_mps2
+        and abs(part.centre_hz - line.centre_hz) < _RESAMPLING_ORDERS * wheel_hz
+        for line in lines
     )
 
 
@@ -114,51 +114,51 @@ def _parts(site: Site, axis: int, power: FloatArray, density: FloatArray, allowe
     freedom = float(spectra.freedom.sum())
     ratio = power / allowed
     # Neighbouring bins are correlated: a single bin has more degrees of freedom than its share of a wide bin.
-    looks = []
+    windows = []
     for width in _WIDTHS:
         if width > len(ratio) // 4:
             break
-        behind = freedom * (1.9 if width == 1 else width)
+        bin_freedom = freedom * (1.9 if width == 1 else width)
         mean = np.convolve(ratio, np.ones(width) / width, mode="same")
-        looks.append((width, mean, rare_ratio(behind, criteria.RARE), rare_ratio(behind, _ENDS)))
-    free = np.ones(len(ratio), dtype=bool)
+        windows.append((width, mean, rare_ratio(bin_freedom, criteria.RARE), rare_ratio(bin_freedom, _EDGE_SIGMAS)))
+    is_free = np.ones(len(ratio), dtype=bool)
     parts: list[Part] = []
-    for _ in range(_MOST_PARTS):
-        best: tuple[float, int, int] | None = None
-        for number, (_, mean, limit, _) in enumerate(looks):
-            inside = np.where(free, (mean - 1.0) / (limit - 1.0), 0.0)
-            peak = int(np.argmax(inside))
-            if inside[peak] > 1.0 and (best is None or inside[peak] > best[0]):
-                best = float(inside[peak]), number, peak
-        if best is None:
+    for _ in range(_MAX_PARTS):
+        strongest: tuple[float, int, int] | None = None
+        for number, (_, mean, limit, _) in enumerate(windows):
+            excess_ratio = np.where(is_free, (mean - 1.0) / (limit - 1.0), 0.0)
+            peak = int(np.argmax(excess_ratio))
+            if excess_ratio[peak] > 1.0 and (strongest is None or excess_ratio[peak] > strongest[0]):
+                strongest = float(excess_ratio[peak]), number, peak
+        if strongest is None:
             break
-        _, number, peak = best
-        width, mean, _, end = looks[number]
+        _, number, peak = strongest
+        width, mean, _, end = windows[number]
         first = last = peak
-        while first > 0 and free[first - 1] and mean[first - 1] > end:
+        while first > 0 and is_free[first - 1] and mean[first - 1] > end:
             first -= 1
-        while last < len(ratio) - 1 and free[last + 1] and mean[last + 1] > end:
+        while last < len(ratio) - 1 and is_free[last + 1] and mean[last + 1] > end:
             last += 1
         # The mean over a window extends half its width beyond the excess; a line has the width of the Hann window.
         half = width // 2
         first, last = min(first + half, peak), max(last - half, peak)
         first, last = max(0, min(first, peak - 1)), min(len(ratio) - 1, max(last, peak + 1))
         # A band that exceeds the model only as a whole keeps the width of its window.
-        for part in (slice(first, last + 1), _within(free, peak, half)):
+        for part in (slice(first, last + 1), _free_bins(is_free, peak, half)):
             excess = power[part] - density[part]
             total = float(excess.sum()) * step
             error = math.sqrt(float(np.square(power[part]).sum()) / freedom) * step
             if total > 0.5 * criteria.SIGMAS_LISTED * error:
                 rms = math.sqrt(total)
-                shown = _main_line(frequency[part], excess)
-                weight = np.maximum(excess[shown], 0.0)
-                centre = float(weight @ frequency[part][shown]) / float(weight.sum())
-                low_hz, high_hz = frequency[part][shown][[0, -1]].tolist()
-                multiple = _at_multiples(frequency[part][shown], excess[shown], centre, spectra.wheel_hz)
+                line_bins = _main_line(frequency[part], excess)
+                weight = np.maximum(excess[line_bins], 0.0)
+                centre = float(weight @ frequency[part][line_bins]) / float(weight.sum())
+                low_hz, high_hz = frequency[part][line_bins][[0, -1]].tolist()
+                multiple = _at_multiples(frequency[part][line_bins], excess[line_bins], centre, spectra.wheel_hz)
                 parts.append(Part(site.index, axis, low_hz, high_hz, centre, rms, 0.5 * error / rms, multiple))
                 first, last = min(first, part.start), max(last, part.stop - 1)
                 break
-        free[max(0, first - 2 - half) : last + 3 + half] = False
+        is_free[max(0, first - 2 - half) : last + 3 + half] = False
     return parts
 
 
@@ -173,12 +173,12 @@ def _main_line(frequency: FloatArray, excess: FloatArray) -> slice:
     return line if float(excess[line].sum()) > _LINE_POWER_SHARE * float(excess.sum()) else slice(None)
 
 
-def _within(free: BoolArray, peak: int, half: int) -> slice:
+def _free_bins(is_free: BoolArray, peak: int, half: int) -> slice:
     """Return the free bins around a peak, up to `half` on either side."""
     first = last = peak
-    while first > max(0, peak - half) and free[first - 1]:
+    while first > max(0, peak - half) and is_free[first - 1]:
         first -= 1
-    while last < min(len(free) - 1, peak + half) and free[last + 1]:
+    while last < min(len(is_free) - 1, peak + half) and is_free[last + 1]:
         last += 1
     return slice(first, last + 1)
 
@@ -188,10 +188,10 @@ def _at_multiples(frequency: FloatArray, excess: FloatArray, centre_hz: float, w
     if frequency[-1] - frequency[0] <= min(_LINE_HZ, wheel_hz):
         order = round(centre_hz / wheel_hz)
         return order > 0 and abs(centre_hz - order * wheel_hz) <= max(_MULTIPLE_HZ, _SAME_ORDER * wheel_hz)
-    near = np.abs(frequency - np.round(frequency / wheel_hz) * wheel_hz) <= _NEAR_HZ
-    if near.all() or not near.any():
+    is_near = np.abs(frequency - np.round(frequency / wheel_hz) * wheel_hz) <= _NEAR_HZ
+    if is_near.all() or not is_near.any():
         return False
-    return float(excess[near].mean()) > _COMB * max(float(excess[~near].mean()), 0.0)
+    return float(excess[is_near].mean()) > _COMB_RATIO * max(float(excess[~is_near].mean()), 0.0)
 
 
 def unexplained(sites: Sequence[Site], parts: Sequence[Part]) -> list[Unexplained]:
@@ -204,10 +204,10 @@ def unexplained(sites: Sequence[Site], parts: Sequence[Part]) -> list[Unexplaine
         by_order = [part for part in remaining if _same_order(seed, part, sites)]
         speeds_hz, speeds_order = _speeds(by_hz, sites), _speeds(by_order, sites)
         locked = len(speeds_order) > len(speeds_hz)
-        together = by_order if locked else by_hz
-        moved = max(len(speeds_order), len(speeds_hz)) > 1
-        entries.append(_entry(sites, together, locked if moved else None))
-        remaining = [part for part in remaining if part not in together]
+        members = by_order if locked else by_hz
+        is_lock_known = max(len(speeds_order), len(speeds_hz)) > 1
+        entries.append(_entry(sites, members, locked if is_lock_known else None))
+        remaining = [part for part in remaining if part not in members]
     return sorted(entries, key=lambda entry: -entry.rms_mps2)
 
 
@@ -226,17 +226,17 @@ def _same_order(seed: Part, part: Part, sites: Sequence[Site]) -> bool:
 
 def _speeds(parts: Sequence[Part], sites: Sequence[Site]) -> set[int]:
     """Return the distinct speeds at which parts were found, to a few percent."""
-    return {round(math.log(sites[part.group].spectra.speed_mps) / _SPEEDS_APART) for part in parts}
+    return {round(math.log(sites[part.group].spectra.speed_mps) / _LOG_SPEED_STEP) for part in parts}
 
 
 def _entry(sites: Sequence[Site], parts: Sequence[Part], locked: bool | None) -> Unexplained:
     """Return one entry; `locked` is None if only one speed shows it."""
     sizes = _axis_sizes(parts)
-    axis = max(sizes, key=lambda each: sizes[each])
+    axis = max(sizes, key=lambda candidate: sizes[candidate])
     axis_parts = [part for part in parts if part.axis == axis]
     groups, rms, std = _group_sizes(axis_parts)
-    exponent, unsure = held_scaling([sites[group].spectra.speed_mps for group in groups], rms, std)
-    scaling = scaling_of(exponent, unsure, several=several_speeds(sites))
+    exponent, exponent_std = held_scaling([sites[group].spectra.speed_mps for group in groups], rms, std)
+    scaling = scaling_of(exponent, exponent_std, several=several_speeds(sites))
     size = math.sqrt(float(np.mean(np.square(rms))))
     error = math.sqrt(float(np.square(np.array(rms) * std).sum())) / (len(rms) * size)
     line = all(part.line for part in axis_parts)
@@ -261,7 +261,7 @@ def _entry(sites: Sequence[Site], parts: Sequence[Part], locked: bool | None) ->
         else math.nan,
         centre_hz=float(np.mean([part.centre_hz for part in axis_parts])) if line and not locked else math.nan,
         speeds=_number_of_speeds(sites, parts) if locked is False else None,
-        other_axes=tuple((AXIS_NAMES[each], value) for each, value in sizes.items() if each != axis),
+        other_axes=tuple((AXIS_NAMES[other_axis], value) for other_axis, value in sizes.items() if other_axis != axis),
     )
 
 
@@ -310,5 +310,5 @@ def _order_range(orders: Sequence[tuple[float, float, float]], *, doubtful: bool
 
 def _number_of_speeds(sites: Sequence[Site], parts: Sequence[Part]) -> tuple[int, int]:
     """Return the number of speeds at which parts are seen, and that of all speeds."""
-    there = len({round(math.log(site.spectra.speed_mps) / _SPEEDS_APART) for site in sites})
-    return len(_speeds(parts, sites)), there
+    total = len({round(math.log(site.spectra.speed_mps) / _LOG_SPEED_STEP) for site in sites})
+    return len(_speeds(parts, sites)), total

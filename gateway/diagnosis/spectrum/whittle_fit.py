@@ -17,12 +17,12 @@ from gateway.diagnosis.spectrum.nonsynchronous_density import Parts, Site, wide_
 
 # Standard deviation of ln of the noise density of one sensor between recordings.
 _LEVEL_STD: Final = 0.1
-_ENDS: Final = 1e-3
-_HALVINGS: Final = 6
+_MIN_DECREASE: Final = 1e-3
+_DAMPING_ROUNDS: Final = 6
 # ln of a sensor's noise density in (m/s^2)^2 per Hz: 5 mg per root Hz, to a factor of four.
-_NOISE: Final = 2.0 * math.log(5e-3 * STANDARD_GRAVITY_MPS2)
-_NOISE_STD: Final = 2.0 * math.log(4.0)
-_SOUND: Final = criteria.DENSITY_ERROR**-2
+_LOG_NOISE: Final = 2.0 * math.log(5e-3 * STANDARD_GRAVITY_MPS2)
+_LOG_NOISE_STD: Final = 2.0 * math.log(4.0)
+_SOUND_NU: Final = criteria.DENSITY_ERROR**-2
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +49,7 @@ class Observed:
         constant: FloatArray = np.stack(
             [
                 k * np.log(k) + gammaln(k + nu + 1.0) - gammaln(nu + 1.0) - gammaln(k) + (nu + 1.0) * np.log(nu)
-                for nu in (_SOUND, 1.0)
+                for nu in (_SOUND_NU, 1.0)
             ]
         )
         return cls(np.asarray(power, dtype=np.float64), freedom, constant)
@@ -79,8 +79,8 @@ class SpectrumFit:
 
     def parameters_of(self, name: str) -> tuple[FloatArray, FloatArray]:
         """Return the parameters of a component and their variances, (P,) each."""
-        where = self.parts.columns_of(name)
-        return self.shared[where], np.diagonal(self.covariance)[where]
+        columns = self.parts.columns_of(name)
+        return self.shared[columns], np.diagonal(self.covariance)[columns]
 
 
 def start_fit(sites: Sequence[Site], observed: Sequence[Observed]) -> SpectrumFit:
@@ -108,11 +108,11 @@ def fit_spectra(
         return (
             _deviance(sites, observed, parts, levels, shared)
             + float(np.square((levels - common) / _LEVEL_STD).sum())
-            + float(np.square((common - _NOISE) / _NOISE_STD).sum())
+            + float(np.square((common - _LOG_NOISE) / _LOG_NOISE_STD).sum())
             + float(np.square((shared - prior.mean) / prior.std).sum())
         )
 
-    now = objective(levels, common, shared)
+    lowest = objective(levels, common, shared)
     damping = 1e-3
     first_shared = size + 3
     hessian, gradient = _normal(sites, observed, parts, levels, common, shared)
@@ -122,37 +122,37 @@ def fit_spectra(
         pull = gradient.copy()
         pull[first_shared:] += (prior.mean - shared) / np.square(prior.std)
         # A parameter at an end that its score points beyond stays there.
-        held = first_shared + np.flatnonzero(
+        fixed = first_shared + np.flatnonzero(
             ((shared <= prior.low) & (pull[first_shared:] < 0.0))
             | ((shared >= prior.high) & (pull[first_shared:] > 0.0))
         )
-        scaled[held], scaled[:, held], pull[held] = 0.0, 0.0, 0.0
-        scaled[held, held] = 1.0
-        better = False
-        for _ in range(_HALVINGS):
+        scaled[fixed], scaled[:, fixed], pull[fixed] = 0.0, 0.0, 0.0
+        scaled[fixed, fixed] = 1.0
+        has_decreased = False
+        for _ in range(_DAMPING_ROUNDS):
             step = np.linalg.solve(scaled + damping * np.diag(np.diag(scaled)), pull)
-            tried = (
+            trial = (
                 levels + np.clip(step[:size].reshape(levels.shape), -2.0, 2.0),
                 common + np.clip(step[size:first_shared], -2.0, 2.0),
                 np.clip(shared + step[first_shared:], prior.low, prior.high),
             )
-            value = objective(*tried)
-            if value < now:
-                better = True
+            value = objective(*trial)
+            if value < lowest:
+                has_decreased = True
                 break
             damping = max(10.0 * damping, 1e-3)
-        if not better:
+        if not has_decreased:
             break
         damping *= 0.1
-        gained, now = now - value, value
-        levels, common, shared = tried
+        decrease, lowest = lowest - value, value
+        levels, common, shared = trial
         hessian, gradient = _normal(sites, observed, parts, levels, common, shared)
-        if gained < _ENDS:
+        if decrease < _MIN_DECREASE:
             break
     precision = hessian.copy()
     precision[range(first_shared, len(precision)), range(first_shared, len(precision))] += 1.0 / np.square(prior.std)
     covariance: FloatArray = np.asarray(np.linalg.inv(precision)[first_shared:, first_shared:], dtype=np.float64)
-    evidence = -0.5 * (now + float(np.linalg.slogdet(precision)[1])) - float(np.log(prior.std).sum())
+    evidence = -0.5 * (lowest + float(np.linalg.slogdet(precision)[1])) - float(np.log(prior.std).sum())
     for index, decades in parts.sizes:
         # Sizes are scale parameters: the fit's normal prior only keeps it stable. Below its own error a size is none.
         scale = max(float(shared[index]), math.sqrt(float(covariance[index, index])))
@@ -169,18 +169,18 @@ def _likelihood(observation: Observed, density: FloatArray) -> tuple[FloatArray,
     """
     ratio = observation.freedom * observation.power / density
     log_power = observation.freedom * np.log(density)
-    total = observation.freedom[None] + np.array([_SOUND, 1.0])[:, None, None] + 1.0
-    beside = np.array([_SOUND, 1.0])[:, None, None] + ratio
-    log_of = observation.constant - log_power - total * np.log(beside)
-    log_of += np.log(np.array([1.0 - criteria.STRANGE_BINS, criteria.STRANGE_BINS]))[:, None, None]
-    whole = np.logaddexp(log_of[0], log_of[1])
-    share = np.exp(log_of - whole)
-    slope = total * ratio / beside - observation.freedom
-    nu = np.array([_SOUND, 1.0])[:, None, None]
+    total = observation.freedom[None] + np.array([_SOUND_NU, 1.0])[:, None, None] + 1.0
+    shifted_ratio = np.array([_SOUND_NU, 1.0])[:, None, None] + ratio
+    log_likelihoods = observation.constant - log_power - total * np.log(shifted_ratio)
+    log_likelihoods += np.log(np.array([1.0 - criteria.STRANGE_BINS, criteria.STRANGE_BINS]))[:, None, None]
+    log_likelihood = np.logaddexp(log_likelihoods[0], log_likelihoods[1])
+    share = np.exp(log_likelihoods - log_likelihood)
+    slope = total * ratio / shifted_ratio - observation.freedom
+    nu = np.array([_SOUND_NU, 1.0])[:, None, None]
     information = observation.freedom * (nu + 1.0) / (observation.freedom + nu + 2.0)
     used = observation.freedom > 0.0
     return (
-        np.where(used, whole, 0.0),
+        np.where(used, log_likelihood, 0.0),
         np.where(used, (share * slope).sum(axis=0), 0.0),
         (share * information).sum(axis=0),
     )
@@ -231,6 +231,6 @@ def _normal(
             hessian[mean, mean] += level_precision
             hessian[row, mean] -= level_precision
             hessian[mean, row] -= level_precision
-    hessian[range(size, first_shared), range(size, first_shared)] += _NOISE_STD**-2
-    gradient[size:first_shared] += (_NOISE - common) / _NOISE_STD**2
+    hessian[range(size, first_shared), range(size, first_shared)] += _LOG_NOISE_STD**-2
+    gradient[size:first_shared] += (_LOG_NOISE - common) / _LOG_NOISE_STD**2
     return hessian, gradient

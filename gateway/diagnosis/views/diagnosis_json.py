@@ -56,7 +56,7 @@ def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "effects": [_finding(finding) for finding in diagnosis.findings],
         "unexplained": [_unexplained(residual) for residual in diagnosis.unexplained],
         "self_test": None if tested is None else {**plain(tested), "pull_rms": tested.pull_rms},
-        "next_steps": [{"about": about, "step": step} for about, step in next_steps(diagnosis)],
+        "next_steps": [{"about": subject, "step": step} for subject, step in next_steps(diagnosis)],
         "estimates": {
             "before": _estimates(diagnosis.estimates_before, diagnosis.determined_before),
             "after": _estimates(diagnosis.estimates_after, diagnosis.determined),

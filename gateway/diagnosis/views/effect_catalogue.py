@@ -47,10 +47,10 @@ these data do not separate them. The baseline models are those that lack the eff
 
 def find_effects(part: str = "") -> list[Effect]:
     """Return the effects whose name or title contains a text, else those whose summary does, by group; all if empty."""
-    wanted = part.casefold()
-    matches = [e for e in catalogue().values() if wanted in e.name.casefold() or wanted in e.title.casefold()]
+    needle = part.casefold()
+    matches = [e for e in catalogue().values() if needle in e.name.casefold() or needle in e.title.casefold()]
     # A user knows the damage, such as a nail, and not what the model calls its effect.
-    matches = matches or [e for e in catalogue().values() if wanted in e.summary.casefold()]
+    matches = matches or [e for e in catalogue().values() if needle in e.summary.casefold()]
     groups = list(dict.fromkeys(group_of(effect) for effect in catalogue().values()))
     return sorted(matches, key=lambda effect: groups.index(group_of(effect)))
 

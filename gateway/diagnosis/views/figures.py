@@ -56,8 +56,8 @@ def waveform_figure(curves: Curves, axis: int, unexplained: Sequence[Unexplained
         top.plot(degrees, curves.before_mps2[axis], color=BEFORE, ls="--", label="before: baseline model")
         top.plot(degrees, curves.after_mps2[axis], color=AFTER, label="after: with effects")
         _residual(middle, curves, axis)
-        _residual(bottom, curves, axis, before=False)
-        for residual in _of(unexplained, axis, "angle"):
+        _residual(bottom, curves, axis, with_before=False)
+        for residual in _on_axis(unexplained, axis, "angle"):
             if residual.angle_rad is not None:
                 bottom.axvspan(*np.degrees(residual.angle_rad), color=RESIDUAL, alpha=0.35, lw=0, label="unexplained")
         bottom.set_xlim(-limit, limit)
@@ -116,17 +116,17 @@ def orders_figure(curves: Curves, axis: int, unexplained: Sequence[Unexplained] 
     std = np.asarray(curves.order_noise_mps2[axis], dtype=np.float64)
     orders = min(std.size, curves.theta_rad.size // 2)
     n, band = np.arange(orders), NOISE_STDS * std[:orders]
-    left_before = order_coefficients(curves.theta_rad, (curves.measured_mps2 - curves.before_mps2)[axis], orders)
-    left_after = order_coefficients(curves.theta_rad, (curves.measured_mps2 - curves.after_mps2)[axis], orders)
+    residual_before = order_coefficients(curves.theta_rad, (curves.measured_mps2 - curves.before_mps2)[axis], orders)
+    residual_after = order_coefficients(curves.theta_rad, (curves.measured_mps2 - curves.after_mps2)[axis], orders)
     figure = new_figure(_WIDTH_INCH, 4.4)
     panels = figure.subplots(2, 1, sharex=True, sharey=True)
-    for panel, before, after, part in zip(panels, left_before, left_after, ("cosine", "sine"), strict=True):
+    for panel, before, after, part in zip(panels, residual_before, residual_after, ("cosine", "sine"), strict=True):
         panel.fill_between(n, -band, band, step="mid", color=NOISE, alpha=0.35, lw=0, label="noise")
         panel.vlines(n - 0.18, 0.0, before, color=BEFORE, lw=1.0)
         panel.plot(n - 0.18, before, "o", color=BEFORE, ms=3.4, mfc="none", mew=1.0, label="before")
         panel.vlines(n + 0.18, 0.0, after, color=AFTER, lw=1.4)
         panel.plot(n + 0.18, after, "o", color=AFTER, ms=2.8, label="after")
-        for residual in _of(unexplained, axis, "angle"):
+        for residual in _on_axis(unexplained, axis, "angle"):
             if residual.orders is not None:
                 panel.axvspan(
                     residual.orders[0] - 0.5,
@@ -138,7 +138,7 @@ def orders_figure(curves: Curves, axis: int, unexplained: Sequence[Unexplained] 
                 )
         panel.axhline(0.0, color=QUIET, lw=0.6)
         panel.set_ylabel(f"{part} part, {_UNIT}")
-    _symmetric_scale(panels[0], np.concatenate([*left_before, *left_after]), band)
+    _symmetric_scale(panels[0], np.concatenate([*residual_before, *residual_after]), band)
     panels[1].set_xlim(-1.0, orders)
     panels[1].set_xlabel("order of the wheel")
     _legend(figure, [panels[0]], f"noise of one coefficient, ±{NOISE_STDS:.0f} standard errors")
@@ -154,7 +154,7 @@ def spectra_figure(spectra: Spectra, unexplained: Sequence[Unexplained] = (), *,
     positive = spectra.frequency_hz > 0.0
     frequency = spectra.frequency_hz[positive]
     for panel, axis in zip(panels, axes, strict=True):
-        for residual in _of(unexplained, axis, "time"):
+        for residual in _on_axis(unexplained, axis, "time"):
             if residual.hz is not None and 0.0 < residual.hz[0] <= residual.hz[1]:
                 # A tone is narrow: its edge keeps it visible.
                 panel.axvspan(*residual.hz, color=RESIDUAL, alpha=0.5, lw=3.0, label="unexplained")
@@ -216,17 +216,17 @@ def trend_figure(trends: Sequence[Trend]) -> Figure:
     return figure
 
 
-def _residual(panel: Axes, curves: Curves, axis: int, *, before: bool = True) -> None:
+def _residual(panel: Axes, curves: Curves, axis: int, *, with_before: bool = True) -> None:
     degrees, noise = np.degrees(curves.theta_rad), float(curves.noise_mps2[axis])
     if math.isfinite(noise):
         panel.axhspan(-NOISE_STDS * noise, NOISE_STDS * noise, color=NOISE, alpha=0.35, lw=0, label="noise")
     panel.axhline(0.0, color=QUIET, lw=0.6)
-    if before:
+    if with_before:
         panel.plot(degrees, curves.measured_mps2[axis] - curves.before_mps2[axis], color=BEFORE, ls="--", lw=1.2)
     panel.plot(degrees, curves.measured_mps2[axis] - curves.after_mps2[axis], color=AFTER, lw=1.2)
 
 
-def _of(unexplained: Sequence[Unexplained], axis: int, lock: str) -> list[Unexplained]:
+def _on_axis(unexplained: Sequence[Unexplained], axis: int, lock: str) -> list[Unexplained]:
     return [
         residual
         for residual in unexplained

@@ -192,7 +192,7 @@ def _page(diagnosis: Diagnosis) -> dict[str, object]:
 def _facts(diagnosis: Diagnosis) -> str:
     parts = [f"{diagnosis.revolutions} revolutions of {counted(len(diagnosis.recordings), 'recording')}"]
     recordings = diagnosis.origin.recordings if diagnosis.origin is not None else ()
-    times_s = [time_s for each in recordings for time_s in (each.first_s, each.last_s) if time_s > 0.0]
+    times_s = [time_s for recording in recordings for time_s in (recording.first_s, recording.last_s) if time_s > 0.0]
     if times_s:
         parts.append(f"{_utc(min(times_s))} to {_utc(max(times_s))} UTC")
     parts.append(f"compared with {_MODELS.get(diagnosis.model, model_words(diagnosis.model))}")
@@ -208,17 +208,17 @@ def _utc(time_s: float) -> str:
 def _folds(diagnosis: Diagnosis) -> str:
     """Return which revolutions were held out, and why some were not."""
     held_out, used = diagnosis.held_out, diagnosis.revolutions
-    of = "" if held_out.revolutions >= used else f" of the {used}"
-    text = f"Folds: {held_out.folds} {clean(diagnosis.folds_of)}, each held out in turn; {held_out.revolutions}{of} "
+    total = "" if held_out.revolutions >= used else f" of the {used}"
+    text = f"Folds: {held_out.folds} {clean(diagnosis.folds_of)}, each held out in turn; {held_out.revolutions}{total} "
     share = ratio(held_out.rms_after_mps2, held_out.rms_before_mps2)
-    apart = f" After over before: {plain(share, held_out.std_ratio)}." if held_out.std_ratio > 0.0 else ""
-    return f"{text}revolutions in all.{apart}"
+    ratio_text = f" After over before: {plain(share, held_out.std_ratio)}." if held_out.std_ratio > 0.0 else ""
+    return f"{text}revolutions in all.{ratio_text}"
 
 
 def _provenance(origin: Origin, tested: SelfTest | None) -> list[tuple[str, str]]:
     """Return what a diagnosis was made of besides recordings, and how."""
     sensor = "" if origin.sensor_id is None else f"{origin.sensor_id:08x}"
-    every = (
+    entries = (
         ("Command", origin.command),
         ("Commit", origin.commit),
         ("Sensor", sensor),
@@ -226,7 +226,7 @@ def _provenance(origin: Origin, tested: SelfTest | None) -> list[tuple[str, str]
         ("Tire", origin.tire),
         ("Self-test", "" if tested is None else self_test_text(tested)),
     )
-    return [(label, clean(text)) for label, text in every if text]
+    return [(label, clean(text)) for label, text in entries if text]
 
 
 def _answer(diagnosis: Diagnosis) -> Iterator[str]:
@@ -240,8 +240,8 @@ def _answer(diagnosis: Diagnosis) -> Iterator[str]:
     yield from _error_sentences(diagnosis)
     if diagnosis.unexplained:
         first = diagnosis.unexplained[0]
-        rest = len(diagnosis.unexplained) - 1
-        more = f", and {rest} more" if rest else ""
+        remaining = len(diagnosis.unexplained) - 1
+        more = f", and {remaining} more" if remaining else ""
         size = plain(first.rms_mps2, first.std_mps2)
         doubt = f" ({NON_STATIONARY})" if first.changes else "" if first.lock_known else " (lock not known)"
         yield f"Unexplained: {clean(first.axis)} axis, {place_text(first)}, {size} m/s² rms{doubt}{more}."
@@ -275,23 +275,23 @@ def _error_sentences(diagnosis: Diagnosis) -> Iterator[str]:
     before, after = significant(held_out.rms_before_mps2), significant(held_out.rms_after_mps2)
     share = ratio(held_out.rms_after_mps2, floor)
     times = f"{fixed(share, 2)} times the" if math.isfinite(share) else "with a"
-    over = f", {times} noise floor of {significant(floor)} m/s²."
+    floor_text = f", {times} noise floor of {significant(floor)} m/s²."
     uncertain = [effect_title(finding.name) for finding in likely(diagnosis)]
     identified = (*diagnosis.named, *undecided_sets(diagnosis))
     shaped = [finding.name for finding in identified if finding.lock == "angle"]
     if shaped or uncertain:
         grown = ratio(held_out.rms_after_mps2, held_out.rms_before_mps2) > GROWN
-        verb = "increases" if grown else "changes" if before == after else f"falls{_where(held_out)}"
+        verb = "increases" if grown else "changes" if before == after else f"falls{_fallen_axes(held_out)}"
         added = ["this effect" if len(shaped) == 1 else "these effects"] if shaped else []
         verb_of = "is" if len(uncertain) == 1 else "are"
         doubt = "not certain" if diagnosis.complete else "likely so far"
         unsure = f", which {verb_of} {doubt}," if uncertain else ""
         sets = f"With {listed([*added, *uncertain])}{unsure}"
-        yield f"{sets} the error on unseen revolutions {verb} from {before} to {after} m/s² rms{over}"
+        yield f"{sets} the error on unseen revolutions {verb} from {before} to {after} m/s² rms{floor_text}"
         if grown:
             yield "Do not rely on the effects before the rest of the residual is explained."
     else:
-        yield f"The error on unseen revolutions is {after} m/s² rms{over}"
+        yield f"The error on unseen revolutions is {after} m/s² rms{floor_text}"
 
 
 def _is_all_well(diagnosis: Diagnosis) -> bool:
@@ -302,7 +302,7 @@ def _is_all_well(diagnosis: Diagnosis) -> bool:
     return diagnosis.complete and not diagnosis.taken_from and only_terms and not doubts and not is_open
 
 
-def _where(held_out: HeldOut) -> str:
+def _fallen_axes(held_out: HeldOut) -> str:
     """Return the axes on which the error falls, where it does not on all."""
     fallen = [clean(axis.axis) for axis in held_out.axes if axis.before_mps2 > GROWN * axis.after_mps2]
     if not 0 < len(fallen) < len(held_out.axes):
@@ -370,8 +370,8 @@ def _time_locked(diagnosis: Diagnosis) -> Iterator[Chapter]:
     measured = [spectra for spectra in diagnosis.spectra if bool(np.isfinite(spectra.measured_m2ps3).any())]
     if not measured:
         return
-    wanted = diagnosis.curves[reference_group(diagnosis.curves)].label if diagnosis.curves else measured[0].label
-    number = next((number for number, spectra in enumerate(measured) if spectra.label == wanted), 0)
+    label = diagnosis.curves[reference_group(diagnosis.curves)].label if diagnosis.curves else measured[0].label
+    number = next((number for number, spectra in enumerate(measured) if spectra.label == label), 0)
     others = _spread([spectra for index, spectra in enumerate(measured) if index != number], MOST_SPECTRA)
     yield Chapter(
         "spectra",
@@ -386,7 +386,7 @@ def _time_locked(diagnosis: Diagnosis) -> Iterator[Chapter]:
         "Time-locked spectra of the other groups",
         _drawn("Colours and lines as above.", len(others), len(measured) - 1),
         "small-figures",
-        [_spectrum(f"s{index}", spectra, diagnosis, small=True) for index, spectra in enumerate(others)],
+        [_spectrum(f"s{index}", spectra, diagnosis, is_small=True) for index, spectra in enumerate(others)],
     )
 
 
@@ -445,10 +445,10 @@ def _residual(index: int, curves: Curves) -> Drawing:
     )
 
 
-def _spectrum(prefix: str, spectra: Spectra, diagnosis: Diagnosis, *, small: bool = False) -> Drawing:
+def _spectrum(prefix: str, spectra: Spectra, diagnosis: Diagnosis, *, is_small: bool = False) -> Drawing:
     label = remark(spectra.label)
     return _drawing(
-        spectra_figure(spectra, diagnosis.unexplained, small=small),
+        spectra_figure(spectra, diagnosis.unexplained, small=is_small),
         prefix,
         f"Spectral density in (m/s²)²/Hz over frequency for each axis: measured, sensor noise, with effects; {label}.",
         label,
@@ -479,14 +479,14 @@ def _sizes(size: AxisResidual) -> str:
     )
 
 
-def _drawn(keys: str, drawn: int, there: int) -> str:
-    return keys if drawn == there else f"{keys} {drawn} of {there} groups, evenly spaced."
+def _drawn(keys: str, drawn: int, total: int) -> str:
+    return keys if drawn == total else f"{keys} {drawn} of {total} groups, evenly spaced."
 
 
-def _spread(items: list[Any], most: int) -> list[Any]:
-    if len(items) <= most:
+def _spread(items: list[Any], limit: int) -> list[Any]:
+    if len(items) <= limit:
         return items
-    return [items[round(position)] for position in np.linspace(0, len(items) - 1, most)]
+    return [items[round(position)] for position in np.linspace(0, len(items) - 1, limit)]
 
 
 def _by_quantity(trends: Sequence[Trend]) -> list[list[Trend]]:

@@ -79,10 +79,10 @@ class NextStep(NamedTuple):
 
 def next_steps(diagnosis: Diagnosis) -> list[NextStep]:
     """Return each step once, in the order of the report: effects, what is unexplained, estimates, notes."""
-    abouts: dict[str, list[str]] = {}
-    for about, step in dict.fromkeys(_steps(diagnosis)):
-        abouts.setdefault(step, []).append(about)
-    return [NextStep("; ".join(about), step) for step, about in abouts.items()]
+    subjects_by_step: dict[str, list[str]] = {}
+    for subject, step in dict.fromkeys(_steps(diagnosis)):
+        subjects_by_step.setdefault(step, []).append(subject)
+    return [NextStep("; ".join(subjects), step) for step, subjects in subjects_by_step.items()]
 
 
 def _steps(diagnosis: Diagnosis) -> Iterator[tuple[str, str]]:
@@ -99,8 +99,8 @@ def _steps(diagnosis: Diagnosis) -> Iterator[tuple[str, str]]:
         decide = reason_text(finding.decide_with) or "record at another speed, load or pressure"
         yield effects_listed((finding.name, *finding.rivals), "or"), decide
     for finding in likely(diagnosis):
-        small = finding.reason is not None and finding.reason.code is DiagnosisCode.SMALLER_THAN_LEFT
-        step = "find the cause of what is left first" if small else "record longer, or at another speed or load"
+        is_small = finding.reason is not None and finding.reason.code is DiagnosisCode.SMALLER_THAN_LEFT
+        step = "find the cause of what is left first" if is_small else "record longer, or at another speed or load"
         yield effect_title(finding.name), step
     for residual in diagnosis.unexplained[:_MOST_RESIDUALS]:
         yield f"{clean(residual.axis)}, {place_text(residual)}", _of_residual(residual, _half_angle_rad(diagnosis))

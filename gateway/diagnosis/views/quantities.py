@@ -82,11 +82,11 @@ def show_fitted(name: str, fitted: Fitted | None, *, state: bool = True) -> Show
         state: whether the label names the load and pressure of an estimate.
     """
     quantity = (fitted.quantity if fitted is not None else "") or name
-    label, shown = _label(quantity)
+    label, shown_unit = _label(quantity)
     if state and fitted is not None and fitted.state is not None:
         label = f"{label} ({state_text(fitted.state)})"
     if fitted is None:
-        return ShownNumber(label, MISSING, shown.symbol, math.nan, math.nan)
+        return ShownNumber(label, MISSING, shown_unit.symbol, math.nan, math.nan)
     if fitted.inverse_display is not None and fitted.value > _INVERTIBLE_STDS * fitted.std:
         factor, unit, power = fitted.inverse_display
         value = factor * float(fitted.value) ** (-1.0 / power)
@@ -98,7 +98,7 @@ def show_fitted(name: str, fitted: Fitted | None, *, state: bool = True) -> Show
     suffix = next((suffix for suffix in UNITS if quantity.endswith(suffix) and len(quantity) > len(suffix)), "")
     factor, unit = fitted.factor, fitted.display_unit or fitted.unit
     if not fitted.display_unit and fitted.unit in ("", _SI.get(suffix)):
-        factor, unit = shown.factor, shown.symbol
+        factor, unit = shown_unit.factor, shown_unit.symbol
     value, std = float(fitted.value) * factor, float(fitted.std) * factor
     return ShownNumber(label, round_to_error(value, std).joined(), typeset(unit), value, std)
 

@@ -208,8 +208,8 @@ def omissions(diagnosis: Diagnosis) -> tuple[list[str], list[StepRow]]:
 
 def _labelled(name: str, fitted: Fitted | None) -> str:
     """Return an estimate's label with its unit."""
-    shown = show_fitted(name, fitted, state=False)
-    return f"{shown.label}, {shown.unit}" if shown.unit else shown.label
+    number = show_fitted(name, fitted, state=False)
+    return f"{number.label}, {number.unit}" if number.unit else number.label
 
 
 def _step_cell(name: str, before: Fitted | None, after: Fitted | None) -> StepCell:

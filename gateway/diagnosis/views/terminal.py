@@ -105,23 +105,23 @@ class _Lines:
 
     def _notes(self, notes: Sequence[Remark]) -> Iterator[str]:
         decisive = sum(_is_decisive(note) for note in notes)
-        shown = sorted(notes, key=lambda note: not _is_decisive(note))
+        selected = sorted(notes, key=lambda note: not _is_decisive(note))
         if not self._has_all_notes:
-            shown = shown[: max(decisive, _MOST_NOTES)]
-        for note in shown:
+            selected = selected[: max(decisive, _MOST_NOTES)]
+        for note in selected:
             yield from self._rows("note", remark(note))
-        if len(shown) < len(notes):
+        if len(selected) < len(notes):
             yield from self._rows(
-                "", f"and {counted(len(notes) - len(shown), 'more note')}: all are in --json and --html"
+                "", f"and {counted(len(notes) - len(selected), 'more note')}: all are in --json and --html"
             )
 
     def _named(self, diagnosis: Diagnosis, undecided: bool) -> Iterator[str]:
         named = diagnosis.named
         if not named:
-            why = "these data do not decide" if undecided else "no effect has sufficient evidence"
+            reason = "these data do not decide" if undecided else "no effect has sufficient evidence"
             if not diagnosis.complete:
-                why = "the search ended before it was complete"
-            yield self._row("identified", f"nothing: {why}")
+                reason = "the search ended before it was complete"
+            yield self._row("identified", f"nothing: {reason}")
         for index, finding in enumerate(named[:_MOST_NAMED]):
             more = len(named) - _MOST_NAMED
             size = f"  {significant(finding.rms_mps2)} m/s²"
@@ -148,8 +148,8 @@ class _Lines:
                 f"{effect_title(finding.name)} (probability {bounded_probability(finding.probability)})"
                 for finding in uncertain
             ]
-            label, why = ("not certain", "not identified") if is_complete else ("so far", "others are untried")
-            yield from self._rows(label, f"{listed(names)}: in the error after, but {why}")
+            label, reason = ("not certain", "not identified") if is_complete else ("so far", "others are untried")
+            yield from self._rows(label, f"{listed(names)}: in the error after, but {reason}")
 
     def _rejected(self, findings: Sequence[Finding]) -> Iterator[str]:
         for finding in findings[:_MOST_OTHERS]:
@@ -186,8 +186,8 @@ class _Lines:
             yield self._row(label, line)
             label = ""
         if doubtful := [name for name in undetermined(diagnosis) if name in names]:
-            why = why_undetermined(diagnosis, doubtful)
-            yield from self._rows(label, f"not determined: {', '.join(doubtful)} ({why})")
+            reason = why_undetermined(diagnosis, doubtful)
+            yield from self._rows(label, f"not determined: {', '.join(doubtful)} ({reason})")
 
     def _row(self, label: str, text: str, tail: str = "") -> str:
         """Return a line; when it is too long its text is cropped, never its tail."""
@@ -203,11 +203,11 @@ class _Lines:
 
 def _first_of(start: str, cells: Sequence[str], room: int) -> str:
     """Return as many whole cells as fit, and the number of the others."""
-    for shown in range(len(cells), 0, -1):
-        text, omitted = f"{start}{', '.join(cells[:shown])}", len(cells) - shown
-        for rest in (f" and {counted(omitted, 'more parameter')}", f" and {omitted} more") if omitted else ("",):
-            if width(text + rest) <= room:
-                return text + rest
+    for count in range(len(cells), 0, -1):
+        text, omitted = f"{start}{', '.join(cells[:count])}", len(cells) - count
+        for tail in (f" and {counted(omitted, 'more parameter')}", f" and {omitted} more") if omitted else ("",):
+            if width(text + tail) <= room:
+                return text + tail
     return f"{start}{counted(len(cells), 'parameter')}" if cells else start.removesuffix(": ")
 
 

@@ -33,8 +33,8 @@ def transfer_lines(result: Transfer, source: str) -> Iterator[str]:
         f"{fixed(held_out.rms_before_mps2, 2)} m/s² without the effects, {fixed(held_out.rms_after_mps2, 2)} m/s² with",
     )
     yield from axis_lines(held_out)
-    share = fixed(ratio(held_out.rms_after_mps2, result.noise_floor_mps2), 2)
-    yield _row("noise floor", f"{fixed(result.noise_floor_mps2, 2)} m/s²; after / noise floor {share}")
+    noise_ratio = fixed(ratio(held_out.rms_after_mps2, result.noise_floor_mps2), 2)
+    yield _row("noise floor", f"{fixed(result.noise_floor_mps2, 2)} m/s²; after / noise floor {noise_ratio}")
     for note in result.notes:
         yield _row("note", remark(note))
 
