@@ -70,10 +70,10 @@ def covariance(
     quantities = [quantity_of(name) for name in names]
     powers = np.array([[quantity.powers.get(cause, 0.0) for cause in CAUSES] for quantity in quantities])
     origins = np.array([quantity.origin for quantity in quantities])
-    shared = powers * np.nan_to_num(errors) * (values - origins)[:, np.newaxis]
-    size = np.sqrt(np.square(shared).sum(axis=1))
+    factors = powers * np.nan_to_num(errors) * (values - origins)[:, np.newaxis]
+    size = np.sqrt(np.square(factors).sum(axis=1))
     # Another statement may know a common factor better than its causes, such as the belt width of the new tire.
-    shared *= np.minimum(1.0, constant_std / np.where(size > 0.0, size, 1.0))[:, np.newaxis]
-    result: FloatArray = shared @ shared.T + correlation * np.multiply.outer(scatter_std, scatter_std)
+    factors *= np.minimum(1.0, constant_std / np.where(size > 0.0, size, 1.0))[:, np.newaxis]
+    result: FloatArray = factors @ factors.T + correlation * np.multiply.outer(scatter_std, scatter_std)
     np.fill_diagonal(result, np.square(constant_std) + np.square(scatter_std))
     return result

@@ -203,11 +203,11 @@ class Estimates(ColumnTable):
             raise KeyError(f"{which} has valid values of all of {', '.join(names)}")
         chosen = int(numbers[-1]) if revolution is None else revolution
         series = np.stack([table.value[np.isin(table.revolution, numbers)] for table in tables], axis=1)
-        of_one = [table._selected(table.revolution == chosen) for table in tables]
+        selected = [table._selected(table.revolution == chosen) for table in tables]
         value, constant, scatter = (
-            np.array([float(table[key][0]) for table in of_one]) for key in ("value", "constant_std", "scatter_std")
+            np.array([float(table[key][0]) for table in selected]) for key in ("value", "constant_std", "scatter_std")
         )
-        return covariance(names, value, constant, scatter, of_one[0].shared_std[0], scatter_correlation(series))
+        return covariance(names, value, constant, scatter, selected[0].shared_std[0], scatter_correlation(series))
 
     def plot(self, *names: str) -> Figure:
         """Return a matplotlib figure of quantities against time, with bands of their standard errors.

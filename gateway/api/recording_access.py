@@ -464,15 +464,15 @@ class Recording(Mapping[str, "Wheel"]):
         """Run the estimators; return their results with everything that the command prints about them."""
         recording = self._opened()
         rows = EstimateRows(has_host_time=self._has_host_time)
-        heard: dict[str, None] = {}
+        positions: dict[str, None] = {}
         estimation = RecordingPass(recording, estimators, signals=recording.signals())
         for block in estimation.blocks():
-            heard.setdefault(block.position)
+            positions.setdefault(block.position)
             rows.add(block)
         return _Estimated(
             estimates=rows.table(self.name),
             alarms=Alarms.of(estimation.alarms(), recording=self.name),
-            notices=tuple(map(notice_text, (*estimation.notices(list(heard)), *estimation.missing()))),
+            notices=tuple(map(notice_text, (*estimation.notices(list(positions)), *estimation.missing()))),
         )
 
 

@@ -17,7 +17,7 @@ from gateway.core.types import FloatArray
 _WINDOW_S: Final = 0.1
 # Windows at rest that tell how much a sensor scatters by itself.
 REST_WINDOWS: Final = 10
-_MOST_WINDOWS: Final = 6000
+_MAX_WINDOWS: Final = 6000
 # A tap is a peak of several times the noise, and more than a step beside the car.
 _TAP_RATIO: Final = 4.0
 _TAP_MPS2: Final = 5.0
@@ -67,7 +67,7 @@ class HeardSensor:
     address: SensorAddress
     hello: Hello | None = None
     pressure_pa: float | None = None
-    windows: deque[Window] = field(default_factory=lambda: deque(maxlen=_MOST_WINDOWS))
+    windows: deque[Window] = field(default_factory=lambda: deque(maxlen=_MAX_WINDOWS))
     window_count: int = 0
     heard_ns: int = 0
     _blocks: list[FloatArray] = field(default_factory=list)
@@ -110,18 +110,18 @@ class HeardSensor:
             latest = list(self.windows)[-REST_WINDOWS:]
             means = np.array([window.mean_mps2 for window in latest])
             spans = [window.span_mps2 for window in latest]
-            rest = Window(np.median(means, axis=0), float(np.median(spans)))
-            if not any(_is_moved(window, rest) for window in latest):
-                self._rest = rest
+            rest_window = Window(np.median(means, axis=0), float(np.median(spans)))
+            if not any(_is_moved(window, rest_window) for window in latest):
+                self._rest = rest_window
                 # A roll begins here, at rest.
-                self.windows = deque(latest, maxlen=_MOST_WINDOWS)
+                self.windows = deque(latest, maxlen=_MAX_WINDOWS)
         return self._rest is not None
 
     @property
     def is_turning(self) -> bool:
         """Whether gravity has moved within the last second."""
         latest = list(self.windows)[-REST_WINDOWS:]
-        return any(_turned(window, latest[-1]) for window in latest)
+        return any(_is_turned(window, latest[-1]) for window in latest)
 
     @property
     def is_moved(self) -> bool:
@@ -129,14 +129,14 @@ class HeardSensor:
         return self._rest is not None and any(_is_moved(window, self._rest) for window in list(self.windows)[-3:])
 
 
-def _turned(window: Window, before: Window) -> bool:
-    change = np.abs(window.mean_mps2 - before.mean_mps2)
+def _is_turned(window: Window, previous: Window) -> bool:
+    change = np.abs(window.mean_mps2 - previous.mean_mps2)
     return bool(np.nanmax(change, initial=0.0) > _STEADY_MPS2)
 
 
-def _is_moved(window: Window, rest: Window) -> bool:
-    tapped = window.span_mps2 > max(_TAP_RATIO * rest.span_mps2, _TAP_MPS2)
-    change = np.abs(window.mean_mps2 - rest.mean_mps2)
+def _is_moved(window: Window, rest_window: Window) -> bool:
+    tapped = window.span_mps2 > max(_TAP_RATIO * rest_window.span_mps2, _TAP_MPS2)
+    change = np.abs(window.mean_mps2 - rest_window.mean_mps2)
     return tapped or bool(np.nanmax(change, initial=0.0) > _TURN_MPS2)
 
 

@@ -22,7 +22,7 @@ _ANGLE_STD_RAD: Final = 0.15
 _DISTANCE_STD_M: Final = 0.01
 # Beyond these shares of gravity the circle is none of gravity: an axis is missing, AC-coupled or wrongly scaled.
 _CIRCLE: Final = (0.7, 1.3)
-_FEWEST_WINDOWS: Final = 20
+_MIN_WINDOWS: Final = 20
 # Each pass takes the centripetal acceleration of the one before from the radial axis: 1 m/s^2 at 2 km/h.
 _PASSES: Final = 3
 _SMOOTHING: Final = np.full(5, 0.2)
@@ -47,7 +47,7 @@ def rolled_radius(windows: Sequence[Window], distance_m: float) -> RolledRadius 
 
     None where gravity shows no turns, or less than one.
     """
-    if len(windows) < _FEWEST_WINDOWS:
+    if len(windows) < _MIN_WINDOWS:
         return None
     means = np.array([window.mean_mps2 for window in windows])
     seconds = np.array([window.duration_s for window in windows])
@@ -66,8 +66,8 @@ def rolled_radius(windows: Sequence[Window], distance_m: float) -> RolledRadius 
         omega_radps = np.convolve(np.gradient(angle) / seconds, _SMOOTHING, mode="same")
         centripetal = omega_radps**2 * distance_m / (2.0 * math.pi * turns)
     radius_m = distance_m / (2.0 * math.pi * turns)
-    share = math.hypot(_DISTANCE_STD_M / distance_m, math.sqrt(2.0) * _ANGLE_STD_RAD / (2.0 * math.pi * turns))
-    return RolledRadius(turns, radius_m, radius_m * share)
+    relative_std = math.hypot(_DISTANCE_STD_M / distance_m, math.sqrt(2.0) * _ANGLE_STD_RAD / (2.0 * math.pi * turns))
+    return RolledRadius(turns, radius_m, radius_m * relative_std)
 
 
 def _angles(radial_mps2: FloatArray, circumferential_mps2: FloatArray) -> FloatArray | None:

@@ -76,14 +76,14 @@ def compared_means(
     Returns:
         one for each wheel and quantity; effective degrees of freedom by Welch and Satterthwaite (JCGM 100 G.4.1).
     """
-    shared = [key for key in first if key in second]
-    level = FALSE_ALARM / max(len(shared), 1)
+    common_keys = [key for key in first if key in second]
+    level = FALSE_ALARM / max(len(common_keys), 1)
     radii = {
         wheel: min(radius.std, (second_radii or {})[wheel].std) / radius.value
         for wheel, radius in (first_radii or {}).items()
         if (second_radii or {}).get(wheel, Radius(math.nan, 0.0)).value == radius.value
     }
-    return [_compared(*key, first[key], second[key], radii.get(key[0], 0.0), level) for key in shared]
+    return [_compared(*key, first[key], second[key], radii.get(key[0], 0.0), level) for key in common_keys]
 
 
 def _compared(

@@ -165,13 +165,13 @@ class OrderAccumulator:
         if not speed_step_radps > 0.0:
             raise ValueError(f"ranges of speed need a positive width, not {speed_step_radps}")
         self._step = speed_step_radps
-        self._all = _Squares(ORDER_COUNT)
+        self._totals = _Squares(ORDER_COUNT)
         self._speeds: dict[int, _Squares] = {}
         self._repeated: ComplexArray = np.zeros((_AXES, ORDER_COUNT), np.complex128)
         self._fourth: FloatArray = np.zeros((_AXES, ORDER_COUNT))
         self._range = (math.inf, -math.inf)
         self._block: list[_Turn] = []
-        self._longest: list[_Turn] = []
+        self._longest_run: list[_Turn] = []
         self._next: int | None = None
         self._fine = _Spectra()
         self._fine_speeds: dict[int, _Spectra] = {}
@@ -188,7 +188,7 @@ class OrderAccumulator:
         """
         orders = order_coefficients(axes_mps2, order_max)
         amplitude: FloatArray = np.abs(orders)
-        self._all.add(amplitude)
+        self._totals.add(amplitude)
         self._speeds.setdefault(self._bin_index(omega_radps), _Squares(ORDER_COUNT)).add(amplitude)
         finite = np.isfinite(amplitude)
         self._repeated += np.where(finite, orders, 0.0) * omega_radps**2
@@ -198,20 +198,20 @@ class OrderAccumulator:
 
     def statistics(self) -> OrderStatistics | None:
         """Return the statistics of the revolutions so far, None without any."""
-        if not self._all.added:
+        if not self._totals.added:
             return None
         # b = sum(c Omega^2) / sum(Omega^4), least squares; its mean square is |b|^2 sum(Omega^4) / count.
         repeated = np.full(self._repeated.shape, math.nan)
-        weight = np.sqrt(self._fourth * self._all.count)
+        weight = np.sqrt(self._fourth * self._totals.count)
         np.divide(np.abs(self._repeated), weight, out=repeated, where=weight > 0.0)
         fine, fine_speeds, block = self._fine, self._fine_speeds, self._first_block
         if not fine.blocks:
             fine, fine_speeds, block = self._short_spectrum()
         share, share_std = fine.share()
         return OrderStatistics(
-            revolutions=self._all.added,
+            revolutions=self._totals.added,
             omega_range_radps=self._range,
-            amplitude_mps2=self._all.root(),
+            amplitude_mps2=self._totals.root(),
             repeated_mps2=repeated,
             speeds=tuple(
                 self._speed_bin(index, squares, fine_speeds.get(index, _Spectra(fine.revolutions)))
@@ -262,13 +262,13 @@ class OrderAccumulator:
 
     def _end_run(self) -> None:
         """Keep a run that ends before it is a block, if it is the longest; not needed after the first block."""
-        if not self._fine.blocks and len(self._block) > len(self._longest):
-            self._longest = self._block
+        if not self._fine.blocks and len(self._block) > len(self._longest_run):
+            self._longest_run = self._block
         self._block = []
 
     def _short_spectrum(self) -> tuple[_Spectra, dict[int, _Spectra], FloatArray]:
         """Return the spectrum of the longest run below a block, by speed too, and its curve."""
-        run = max(self._longest, self._block, key=len)
+        run = max(self._longest_run, self._block, key=len)
         spectrum = _block_spectrum(run) if len(run) >= _LEAST_REVOLUTIONS else None
         if spectrum is None:
             return self._fine, self._fine_speeds, self._first_block

@@ -22,7 +22,7 @@ MINIMUM_TIMES: Final = 2.0
 """Times the amplitude around it from which a line is told."""
 
 # Distance from an integer order, in orders, from which its leakage is past.
-_BETWEEN: Final = 0.3
+_LEAKAGE_ORDERS: Final = 0.3
 # Below it gravity leaks, which does not grow with the speed as the rest does; a steady speed has no such leakage.
 _LOWEST_ORDER: Final = 2.0
 _STEADY: Final = 1.01
@@ -96,17 +96,17 @@ def outstanding_lines(statistics: OrderStatistics) -> list[OutstandingLine]:
     """Return the lines of a wheel, the clearest first; of one at several speeds or on several axes the clearest."""
     low, high = statistics.omega_range_radps
     orders = statistics.fine_order
-    is_judged = np.abs(orders - np.round(orders)) > _BETWEEN
-    is_judged &= orders > (_BETWEEN if high < _STEADY * low else _LOWEST_ORDER)
-    measured = [each for each in statistics.speeds if each.blocks]
+    is_judged = np.abs(orders - np.round(orders)) > _LEAKAGE_ORDERS
+    is_judged &= orders > (_LEAKAGE_ORDERS if high < _STEADY * low else _LOWEST_ORDER)
+    measured = [speed_bin for speed_bin in statistics.speeds if speed_bin.blocks]
     tests = max(len(AXIS_NAMES) * len(measured) * int(is_judged.sum()), 1)
     spectra = [
         _Spectrum(
-            (each.low_radps, each.high_radps),
-            each.fine_mps2,
-            *_ratios(each.fine_mps2, is_judged, orders, each.blocks, tests),
+            (speed_bin.low_radps, speed_bin.high_radps),
+            speed_bin.fine_mps2,
+            *_ratios(speed_bin.fine_mps2, is_judged, orders, speed_bin.blocks, tests),
         )
-        for each in measured
+        for speed_bin in measured
     ]
     candidates = sorted(
         (line for spectrum in spectra for line in _lines(spectrum, spectra, orders)),
@@ -160,16 +160,16 @@ def _lines(spectrum: _Spectrum, spectra: list[_Spectrum], orders: FloatArray) ->
 def _keeps(axis: int, order: float, spectrum: _Spectrum, spectra: list[_Spectrum], orders: FloatArray) -> Keeps:
     """Return what a line keeps: the one that more of the other speeds show."""
     votes, others = {Keeps.ORDER: 0, Keeps.FREQUENCY: 0}, 0
-    for other in spectra:
-        change = other.rotation_hz / spectrum.rotation_hz
+    for compared in spectra:
+        change = compared.rotation_hz / spectrum.rotation_hz
         if max(change, 1.0 / change) < _OTHER_SPEED:
             continue
         others += 1
         # Within a range the speed, and so the order of a frequency, is known to its width.
-        shift = order / change * (spectrum.half_width + other.half_width)
-        for keeps, there, within in ((Keeps.ORDER, order, 0.0), (Keeps.FREQUENCY, order / change, shift)):
-            near = np.abs(orders - there) <= 1.01 * orders[1] + within
-            votes[keeps] += bool((np.nan_to_num(other.ratio[axis, near]) > other.limit[near]).any())
+        shift = order / change * (spectrum.half_width + compared.half_width)
+        for keeps, expected_order, tolerance in ((Keeps.ORDER, order, 0.0), (Keeps.FREQUENCY, order / change, shift)):
+            is_near = np.abs(orders - expected_order) <= 1.01 * orders[1] + tolerance
+            votes[keeps] += bool((np.nan_to_num(compared.ratio[axis, is_near]) > compared.limit[is_near]).any())
     clearer, fewer = sorted(votes, key=lambda keeps: votes[keeps], reverse=True)
     # One of many speeds may show it by chance.
     is_clear = others > 0 and votes[clearer] >= max(_CLEAR * votes[fewer], min(others, 2))
@@ -178,8 +178,8 @@ def _keeps(axis: int, order: float, spectrum: _Spectrum, spectra: list[_Spectrum
 
 def _is_same(line: OutstandingLine, clearer: OutstandingLine, step: float) -> bool:
     """Return whether a line is a clearer one again: at another speed, on another axis, or in the next bin."""
-    near = 1.5 * step
+    tolerance = 1.5 * step
     if Keeps.FREQUENCY in (line.keeps, clearer.keeps):
-        both_hz = line.frequency_hz / line.order + clearer.frequency_hz / clearer.order
-        return abs(line.frequency_hz - clearer.frequency_hz) <= near * both_hz
-    return abs(line.order - clearer.order) <= near
+        rotation_sum_hz = line.frequency_hz / line.order + clearer.frequency_hz / clearer.order
+        return abs(line.frequency_hz - clearer.frequency_hz) <= tolerance * rotation_sum_hz
+    return abs(line.order - clearer.order) <= tolerance

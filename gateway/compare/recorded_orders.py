@@ -101,9 +101,9 @@ def recorded_orders(
             orders.append(WheelOrders(position, wheel.radius_m, statistics, mean, wheel.rejected, of_wheel))
     missing = [position for position in wheels if position not in by_position]
     if missing or not orders:
-        of = f" of wheel {', '.join(missing)}" if missing else ""
+        wheels_text = f" of wheel {', '.join(missing)}" if missing else ""
         raise RecordingError(
-            f"'{path}' has no usable revolution{of}",
+            f"'{path}' has no usable revolution{wheels_text}",
             f"`treadlink estimate {shlex.quote(str(path))}` lists the reasons.",
         )
     order = {wheel.position: index for index, wheel in enumerate(vehicle.wheel if vehicle is not None else ())}

@@ -22,7 +22,7 @@ _SHORT_STATE: Final = {
     WheelState.SILENT: "silent",
     WheelState.ENDED: "ended",
 }
-_STATED: Final = "s"
+_STATED_MARK: Final = "s"
 _NUMBER_WIDTHS: Final = (8, 6, 5, 5)
 _NUMBER_WIDTHS_WIDE: Final = (16, 13, 11, 11)
 
@@ -33,10 +33,10 @@ def overview(wheels: Sequence[WheelSnapshot], selected: int, alarmed: frozenset[
     names = [clean(wheel.position) for wheel in wheels]
     limit = _NAME_WIDTH_WIDE if wide else _NAME_WIDTH
     name_width = min(max([5, *map(width, names)]), limit)
-    read = [reading_of(wheel) if wheel.silence is None else None for wheel in wheels]
+    readings = [reading_of(wheel) if wheel.silence is None else None for wheel in wheels]
     # The columns are named for numbers rather than ratios as soon as any wheel has numbers.
-    labels = next((_labels(r) for r in read if r and not r.ratios_only), None)
-    labels = labels or next((_labels(r) for r in read if r), ())
+    labels = next((_labels(r) for r in readings if r and not r.ratios_only), None)
+    labels = labels or next((_labels(r) for r in readings if r), ())
     widths = list(_NUMBER_WIDTHS_WIDE if wide else _NUMBER_WIDTHS)
     load = f" {unit_symbol('load_n'):>7}" if wide else ""
     header = (
@@ -45,7 +45,7 @@ def overview(wheels: Sequence[WheelSnapshot], selected: int, alarmed: frozenset[
         f"{load}  " + " ".join(f"{label:>{size}}" for label, size in zip(labels, widths, strict=False))
     )
     rows: list[Row] = [fit(((header, Role.LABEL),), cells)]
-    for i, (wheel, reading) in enumerate(zip(wheels, read, strict=True)):
+    for i, (wheel, reading) in enumerate(zip(wheels, readings, strict=True)):
         name = pad(crop_middle(names[i], name_width), name_width)
         start: Row = (
             (">" if i == selected else " ", Role.TITLE),
@@ -69,8 +69,8 @@ def _values(
     rolling = wheel.state is WheelState.ROLLING
     state = f"{wheel.state.value:<10}" if wide else f"{_SHORT_STATE[wheel.state]:<7}"
     speed = _marked(reading.speed) if reading is not None and rolling else MISSING
-    begin = _marked(reading.leading) if reading is not None else MISSING
-    end = _marked(reading.trailing) if reading is not None else MISSING
+    leading = _marked(reading.leading) if reading is not None else MISSING
+    trailing = _marked(reading.trailing) if reading is not None else MISSING
     load = f" {_of_source(wheel, 'load_n', wheel.load_n, 0):>7}" if wide else ""
     # The columns have no room for the age of old values; the details of the wheel show it.
     is_current = wheel.has_current_environment
@@ -79,7 +79,7 @@ def _values(
     row: list[Run] = [
         (f" {state} ", Role.GOOD if rolling else Role.WARNING),
         (f"{speed:>6} ", Role.VALUE),
-        (f"{begin:>7} {end:>6} ", Role.TEXT),
+        (f"{leading:>7} {trailing:>6} ", Role.TEXT),
         (f"{pressure:>6} {temperature:>5}{load} ", Role.TEXT),
     ]
     if reading is None:
@@ -89,19 +89,19 @@ def _values(
     return tuple(row)
 
 
-def _marked(shown: Shown) -> str:
-    return fixed(shown.value, 2) + shown.mark * math.isfinite(shown.value)
+def _marked(entry: Shown) -> str:
+    return fixed(entry.value, 2) + entry.mark * math.isfinite(entry.value)
 
 
 def _of_source(wheel: WheelSnapshot, name: str, value: float | None, decimals: int) -> str:
     """Return a number, with a mark where it is stated and not measured."""
-    return shown_value(name, value, decimals) + _STATED * (name in wheel.stated)
+    return shown_value(name, value, decimals) + _STATED_MARK * (name in wheel.stated)
 
 
-def _short(shown: Shown) -> str:
+def _short(entry: Shown) -> str:
     """Return the value without its error, in at most four digits even if the error justifies more."""
-    digits = shown.number.value.replace(".", "").lstrip("-0")
-    return shown.number.value + shown.number.power if len(digits) <= 4 else round_to_error(shown.value).joined()
+    digits = entry.number.value.replace(".", "").lstrip("-0")
+    return entry.number.value + entry.number.power if len(digits) <= 4 else round_to_error(entry.value).joined()
 
 
 def _cells(reading: Reading, wide: bool, labels: tuple[str, ...], widths: Sequence[int]) -> list[str]:
@@ -109,10 +109,10 @@ def _cells(reading: Reading, wide: bool, labels: tuple[str, ...], widths: Sequen
     numerators = {label.partition("/")[0]: value for label, value in values.items()}
     denominators = {label.partition("/")[2] for label in values}
     if tuple(values) == labels:
-        named = values
+        cells_by_label = values
     elif len(denominators) == 1 and {*numerators, *denominators} <= set(labels):
         # Ratios to one number go into the columns of their numerators, the divisor into its own.
-        named = {**numerators, **{label: f"/{label}" for label in denominators}}
+        cells_by_label = {**numerators, **{label: f"/{label}" for label in denominators}}
     else:
         return [f"{label} {value}" for label, value in values.items()]
-    return [pad_left(named.get(label, ""), size) for label, size in zip(labels, widths, strict=False)]
+    return [pad_left(cells_by_label.get(label, ""), size) for label, size in zip(labels, widths, strict=False)]

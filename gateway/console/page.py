@@ -38,7 +38,7 @@ class ViewState:
 
 def panel_grid(wheels: int, cells: int, height: int) -> tuple[int, int] | None:
     """Return the (columns, rows) of panels with the best shape that fits, None when no panel fits."""
-    best: tuple[float, int, int] | None = None
+    best_grid: tuple[float, int, int] | None = None
     for columns in range(1, wheels + 1):
         rows = -(-wheels // columns)
         panel_width, panel_height = cells // columns, height // rows
@@ -46,9 +46,9 @@ def panel_grid(wheels: int, cells: int, height: int) -> tuple[int, int] | None:
             continue
         # The waveform fills the rest; it should be about twice as wide as high, and cells are half as wide as high.
         score = min(panel_width / 4.0, panel_height - _VALUE_ROWS)
-        if best is None or score > best[0]:
-            best = (score, columns, rows)
-    return None if best is None else best[1:]
+        if best_grid is None or score > best_grid[0]:
+            best_grid = (score, columns, rows)
+    return None if best_grid is None else best_grid[1:]
 
 
 def compose(
@@ -100,8 +100,8 @@ def _wheels(snapshot: SessionSnapshot, view: ViewState, cells: int, height: int)
     grid = panel_grid(len(wheels), cells, height)
     if grid is None:
         table = overview(wheels, selected, alarmed, cells)
-        rest = details(wheels[selected], selected + 1, cells, height - len(table), view.zoom, view.plots)
-        return [*table, *(fit(row, cells) for row in rest)]
+        detail_rows = details(wheels[selected], selected + 1, cells, height - len(table), view.zoom, view.plots)
+        return [*table, *(fit(row, cells) for row in detail_rows)]
     columns, grid_rows = grid
     rows: list[Row] = []
     for start in range(0, len(wheels), columns):

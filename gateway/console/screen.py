@@ -64,7 +64,7 @@ class Board(Widget, can_focus=True):
             return
         width = self.size.width
         changed = [
-            Region(0, y, width, 1) for y, (before, now) in enumerate(zip(old, self._rows, strict=True)) if before != now
+            Region(0, y, width, 1) for y, (prior, row) in enumerate(zip(old, self._rows, strict=True)) if prior != row
         ]
         if changed:
             self.refresh(*changed)
@@ -218,8 +218,8 @@ class ConsoleApp(App[None]):
         quantities = plots.history.quantities()
         if quantities:
             names = [quantity.name for quantity in quantities]
-            shown = names.index(plots.trend.name) if plots.trend is not None else -1
-            plots.trend = quantities[(shown + step) % len(quantities)]
+            index = names.index(plots.trend.name) if plots.trend is not None else -1
+            plots.trend = quantities[(index + step) % len(quantities)]
             self._draw()
 
     def action_help(self) -> None:
@@ -253,8 +253,8 @@ class ConsoleApp(App[None]):
     def _ask_next(self) -> None:
         if self._form is not None and self._unanswered:
             name = self._unanswered[0]
-            stated = self._form[name]
-            keeps = f"Enter keeps '{stated}', {_CLEARED} clears it" if stated else "Enter leaves it out"
+            current = self._form[name]
+            keeps = f"Enter keeps '{current}', {_CLEARED} clears it" if current else "Enter leaves it out"
             self._open_input(f"record, {name}: {keeps}, Escape cancels")
 
     def action_units(self) -> None:

@@ -80,14 +80,14 @@ def alarms(snapshot: SessionSnapshot, cells: int, rows: int) -> list[Row]:
     The first names the key that acknowledges them, as long as there is something to acknowledge.
     """
     present = sorted(snapshot.alarms, key=snapshot.is_acknowledged)
-    shown = present if len(present) <= rows else present[: rows - 1]
-    rest = present[len(shown) :]
+    visible = present if len(present) <= rows else present[: rows - 1]
+    hidden = present[len(visible) :]
     texts = [
         f" ALARM  {alarm.position}: {reason_text(alarm.reason)}{' (acknowledged)' * snapshot.is_acknowledged(alarm)}"
-        for alarm in shown
+        for alarm in visible
     ]
-    if rest:
-        texts.append(f" ALARM  {len(rest)} more: " + ", ".join(f"{alarm.position} {alarm.name}" for alarm in rest))
+    if hidden:
+        texts.append(f" ALARM  {len(hidden)} more: " + ", ".join(f"{alarm.position} {alarm.name}" for alarm in hidden))
     if present and not snapshot.is_acknowledged(present[0]):
         texts[0] += "   (a: acknowledge)"
     return [fit(((clean(text), Role.ALARM),), cells, Role.ALARM) for text in texts]
@@ -95,32 +95,32 @@ def alarms(snapshot: SessionSnapshot, cells: int, rows: int) -> list[Row]:
 
 def links(all_links: Sequence[LinkSnapshot], cells: int, rows: int) -> list[Row]:
     """Return one row per link; without room for all, those with problems come first and the rest is counted."""
-    shown = list(all_links)
-    rest = 0
-    if len(shown) > rows:
-        shown.sort(key=lambda link: (link.connected, -link.frames_lost / max(link.frames, 1)))
-        rest = len(shown) - rows + 1
-        connected = sum(link.connected for link in shown[rows - 1 :])
-        shown = shown[: rows - 1]
-    name_width = min(max((len(link.link) for link in shown), default=0), cells // 4 if cells >= _WIDE_CELLS else 16)
-    result = [fit(link_row(link, name_width, cells), cells) for link in shown]
-    if rest:
-        result.append(fit(((f"{rest} more links, {connected} of them connected", Role.LABEL),), cells))
+    visible = list(all_links)
+    hidden_count = 0
+    if len(visible) > rows:
+        visible.sort(key=lambda link: (link.connected, -link.frames_lost / max(link.frames, 1)))
+        hidden_count = len(visible) - rows + 1
+        connected = sum(link.connected for link in visible[rows - 1 :])
+        visible = visible[: rows - 1]
+    name_width = min(max((len(link.link) for link in visible), default=0), cells // 4 if cells >= _WIDE_CELLS else 16)
+    result = [fit(link_row(link, name_width, cells), cells) for link in visible]
+    if hidden_count:
+        result.append(fit(((f"{hidden_count} more links, {connected} of them connected", Role.LABEL),), cells))
     return result
 
 
 def sinks(outputs: Sequence[SinkSnapshot], cells: int, rows: int) -> list[Row]:
     """Return one row per live output; without room for all, those with problems come first and the rest is counted."""
-    shown = list(outputs)
-    rest = 0
-    if len(shown) > rows:
-        shown.sort(key=lambda sink: (sink.state is SinkState.UP, -sink.dropped))
-        rest = len(shown) - rows + 1
-        shown = shown[: rows - 1]
-    name_width = min(max((len(sink.sink) for sink in shown), default=0), cells // 4 if cells >= _WIDE_CELLS else 16)
-    result = [fit(sink_row(sink, name_width, cells), cells) for sink in shown]
-    if rest:
-        result.append(fit(((f"{rest} more live outputs", Role.LABEL),), cells))
+    visible = list(outputs)
+    hidden_count = 0
+    if len(visible) > rows:
+        visible.sort(key=lambda sink: (sink.state is SinkState.UP, -sink.dropped))
+        hidden_count = len(visible) - rows + 1
+        visible = visible[: rows - 1]
+    name_width = min(max((len(sink.sink) for sink in visible), default=0), cells // 4 if cells >= _WIDE_CELLS else 16)
+    result = [fit(sink_row(sink, name_width, cells), cells) for sink in visible]
+    if hidden_count:
+        result.append(fit(((f"{hidden_count} more live outputs", Role.LABEL),), cells))
     return result
 
 
@@ -213,30 +213,30 @@ def _totals(link: LinkSnapshot) -> list[Run]:
 
 def overwritten_samples(wheels: Sequence[WheelSnapshot], cells: int) -> list[Row]:
     """Return a warning when samples were overwritten before use, else nothing."""
-    hit = [
+    affected = [
         f"{clean(w.position)} {w.counters.samples_overwritten}" for w in wheels if w.counters.samples_overwritten > 0
     ]
-    if not hit:
+    if not affected:
         return []
-    return [fit(((f"samples overwritten before use: {', '.join(hit)}", Role.WARNING),), cells)]
+    return [fit(((f"samples overwritten before use: {', '.join(affected)}", Role.WARNING),), cells)]
 
 
 def notices(latest: Sequence[Notice], cells: int, rows: int) -> list[Row]:
     """Return the latest notices, newest last."""
-    shown = latest[-rows:] if rows > 0 else ()
-    return [fit(((f"· {clean(notice_text(notice))}", Role.TEXT),), cells) for notice in shown]
+    visible = latest[-rows:] if rows > 0 else ()
+    return [fit(((f"· {clean(notice_text(notice))}", Role.TEXT),), cells) for notice in visible]
 
 
 def keys(
     wheels: int, zoom: Zoom, paused: bool, cells: int, *, has_trend: bool = False, may_record: bool = False
 ) -> Row:
     """Return the line of keys; that of a recording only where there is room for all."""
-    other = "whole turn" if zoom is Zoom.CONTACT else "±90°"
+    zoom_label = "whole turn" if zoom is Zoom.CONTACT else "±90°"
     entries: tuple[tuple[str, str], ...] = (
         ("space", "resume" if paused else "pause"),
         ("m", "mark"),
         (f"tab 1-{wheels}" if wheels > 1 else "tab", "wheel"),
-        ("z", other),
+        ("z", zoom_label),
         ("t", "waveform" if has_trend else "trend"),
         ("?", "help"),
         ("q", "quit"),

@@ -26,11 +26,11 @@ def draw_trend(points: Sequence[TrendPoint], unit: str, width: int, height: int)
         return ()
     plot_width, plot_rows = width - GUTTER, height - _AXIS_ROWS
     begin_s = points[-1].at_s - SHOWN_S
-    shown = [point for point in points if point.at_s >= begin_s]
-    largest = max(abs(point.value) for point in shown)
+    visible = [point for point in points if point.at_s >= begin_s]
+    largest = max(abs(point.value) for point in visible)
     exponent = round_to_error(largest).exponent
     times_s, value, std = (
-        np.array(column, dtype=np.float64) for column in zip(*((p.at_s, p.value, p.std) for p in shown), strict=True)
+        np.array(column, dtype=np.float64) for column in zip(*((p.at_s, p.value, p.std) for p in visible), strict=True)
     )
     value, std = value / 10.0**exponent, np.nan_to_num(std) / 10.0**exponent
     low, high = float(np.min(value - std)), float(np.max(value + std))
@@ -52,9 +52,9 @@ def draw_trend(points: Sequence[TrendPoint], unit: str, width: int, height: int)
 
 def _interpolated(columns_s: FloatArray, times_s: FloatArray, values: FloatArray) -> FloatArray:
     """Return the values at the columns, NaN where there is none near."""
-    after = np.searchsorted(times_s, columns_s)
-    before_s = times_s[np.maximum(after - 1, 0)]
-    after_s = times_s[np.minimum(after, len(times_s) - 1)]
+    index = np.searchsorted(times_s, columns_s)
+    before_s = times_s[np.maximum(index - 1, 0)]
+    after_s = times_s[np.minimum(index, len(times_s) - 1)]
     is_known = (columns_s >= times_s[0] - 0.5) & (after_s - before_s <= _GAP_S)
     result: FloatArray = np.where(is_known, np.interp(columns_s, times_s, values), np.nan)
     return result

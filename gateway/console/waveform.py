@@ -38,7 +38,7 @@ _DOT_BITS: Final = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x
 _BRAILLE: Final = 0x2800
 _BLANK: Final = ord(" ")
 _DEFAULT_TOP_MPS2: Final = 1.0
-_LEAST_SPAN_MPS2: Final = 1e-3  # finer than any sensor resolves: drawn as a flat line
+_MIN_SPAN_MPS2: Final = 1e-3  # finer than any sensor resolves: drawn as a flat line
 _AVERAGE_EVERY: Final = 2  # dot columns; sparse dots distinguish the average from the solid line without colour
 LEGEND: Final[PlotRow] = (
     ("⠤⠤⠤", Ink.LAST),
@@ -63,13 +63,13 @@ def nice_scale(low: float, high: float, ticks: int) -> Scale:
     The limits are multiples of a quarter step: steady from revolution to revolution without wasting a whole step.
     """
     span = high - low
-    if span < _LEAST_SPAN_MPS2:
+    if span < _MIN_SPAN_MPS2:
         return Scale(low, low + _DEFAULT_TOP_MPS2, _DEFAULT_TOP_MPS2)
-    rough = span / max(ticks, 1)
-    decade = 10.0 ** math.floor(math.log10(rough))
-    step = next(factor * decade for factor in (1.0, 2.0, 5.0, 10.0) if factor * decade >= rough * 0.999999)
-    grain = step / 4.0
-    return Scale(grain * math.floor(low / grain + 1e-9), grain * math.ceil(high / grain - 1e-9), step)
+    rough_step = span / max(ticks, 1)
+    decade = 10.0 ** math.floor(math.log10(rough_step))
+    step = next(factor * decade for factor in (1.0, 2.0, 5.0, 10.0) if factor * decade >= rough_step * 0.999999)
+    quantum = step / 4.0
+    return Scale(quantum * math.floor(low / quantum + 1e-9), quantum * math.ceil(high / quantum - 1e-9), step)
 
 
 @lru_cache(maxsize=16)
@@ -174,14 +174,14 @@ def curve_rows(
         bits.append(_pack(dots))
     merged = bits[0] | bits[1]
     codes = np.where(merged != 0, _BRAILLE + merged, _BLANK).astype("<u4")
-    of_solid = bits[0] != 0
+    is_solid = bits[0] != 0
     labels = _tick_labels(scale, rows)
     drawn: list[PlotRow] = []
     for row in range(rows):
         label = labels.get(row)
         gutter = f"{label:>{GUTTER - 1}}┤" if label is not None else " " * (GUTTER - 1) + "│"
         cells = codes[row].tobytes().decode("utf-32-le")
-        drawn.append(((gutter, Ink.AXIS), *_runs(cells, of_solid[row])))
+        drawn.append(((gutter, Ink.AXIS), *_runs(cells, is_solid[row])))
     return drawn
 
 

@@ -138,8 +138,8 @@ def silence_text(wheel: WheelSnapshot) -> str:
         return ""
     says_when = "silence_s" in dict(silence.reason.values)
     since = "" if says_when else f" for {age(silence.age_s)}"
-    said = f"SILENT{since}: {reason_text(silence.reason)}"
-    return clean(said if said.endswith("?") else f"{said}.")
+    sentence = f"SILENT{since}: {reason_text(silence.reason)}"
+    return clean(sentence if sentence.endswith("?") else f"{sentence}.")
 
 
 def _last_heard(wheel: WheelSnapshot) -> str:
@@ -184,8 +184,8 @@ def shown_numbers(wheel: WheelSnapshot, reading: Reading | None) -> list[Shown]:
     labels = set()
     for estimate in reading.further:
         quantity = quantity_of(estimate.name)
-        shown = show(estimate)
-        label = shown.label if quantity.live_label is None else quantity.live_label
+        entry = show(estimate)
+        label = entry.label if quantity.live_label is None else quantity.live_label
         if (
             label
             and label not in labels
@@ -194,7 +194,7 @@ def shown_numbers(wheel: WheelSnapshot, reading: Reading | None) -> list[Shown]:
             and not estimate.name.endswith("_age_s")
         ):
             labels.add(label)
-            others.append(shown._replace(label=label))
+            others.append(entry._replace(label=label))
     return [*reading.numbers, *others]
 
 
@@ -204,17 +204,17 @@ def number_rows(wheel: WheelSnapshot, reading: Reading | None, cells: int) -> li
     Numbers have their symbols, and their plain names where all of these fit in `cells` cells.
     """
     numbers = shown_numbers(wheel, reading)
-    plain = [_number_row(shown.plain, shown) for shown in numbers]
+    plain = [_number_row(entry.plain, entry) for entry in numbers]
     if all(row_width(row) <= cells for row in plain):
         return plain
     label_width = max((width(number.label) for number in reading.numbers), default=0) if reading is not None else 0
-    return [_number_row(pad(shown.label, max(label_width, width(shown.label))), shown) for shown in numbers]
+    return [_number_row(pad(entry.label, max(label_width, width(entry.label))), entry) for entry in numbers]
 
 
-def _number_row(name: str, shown: Shown) -> Row:
-    unit = f" {shown.unit}" if shown.unit else ""
-    mark = f" {shown.mark}" if shown.mark else ""
-    return (name + " ", Role.LABEL), (shown.number.joined(), Role.VALUE), (unit, Role.TEXT), (mark, Role.WARNING)
+def _number_row(name: str, entry: Shown) -> Row:
+    unit = f" {entry.unit}" if entry.unit else ""
+    mark = f" {entry.mark}" if entry.mark else ""
+    return (name + " ", Role.LABEL), (entry.number.joined(), Role.VALUE), (unit, Role.TEXT), (mark, Role.WARNING)
 
 
 def _grid(rows: Sequence[Row], columns: int, cells: int) -> list[Row]:
@@ -222,15 +222,15 @@ def _grid(rows: Sequence[Row], columns: int, cells: int) -> list[Row]:
     lines: list[list[Run]] = []
     free_columns = 0
     for row in rows:
-        taken = min(-(-row_width(row) // cells), columns)
-        if taken > free_columns:
+        span = min(-(-row_width(row) // cells), columns)
+        if span > free_columns:
             lines.append([])
             free_columns = columns
-        if row_width(row) == taken * cells and taken < free_columns:
+        if row_width(row) == span * cells and span < free_columns:
             # It would touch its neighbour.
-            taken += 1
-        lines[-1] += fit(row, taken * cells)
-        free_columns -= taken
+            span += 1
+        lines[-1] += fit(row, span * cells)
+        free_columns -= span
     return [tuple(line) for line in lines]
 
 
@@ -360,7 +360,7 @@ def details(wheel: WheelSnapshot, number: int, cells: int, height: int, zoom: Zo
     note = _cut(_wrap(note_of(wheel, reading), detail_width - 1), 4, detail_width - 1)
     if reading is not None:
         left_rows[len(reading.numbers) : len(reading.numbers)] = [
-            _number_row(shown.plain, shown) for shown in (reading.speed, reading.leading, reading.trailing)
+            _number_row(entry.plain, entry) for entry in (reading.speed, reading.leading, reading.trailing)
         ]
         left_rows[len(reading.numbers) : len(reading.numbers)] = [
             (("car ", Role.LABEL), run) for run in car_runs(reading)

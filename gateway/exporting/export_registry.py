@@ -91,9 +91,9 @@ def format_of(path: Path, name: str | None) -> str:
     format_name = next((candidate for candidate, entry in FORMATS.items() if suffix in entry.suffixes), None)
     if format_name is None:
         suffixes = ", ".join(entry.suffixes[0] for entry in FORMATS.values())
-        what = "standard output has no suffix" if is_stdout(path) else f"the suffix of '{path}' names no format"
+        problem = "standard output has no suffix" if is_stdout(path) else f"the suffix of '{path}' names no format"
         raise OutputError(
-            what, f"Give --format {', '.join(FORMATS)}" + ("." if is_stdout(path) else f", or one of {suffixes}.")
+            problem, f"Give --format {', '.join(FORMATS)}" + ("." if is_stdout(path) else f", or one of {suffixes}.")
         )
     return format_name
 
@@ -105,7 +105,7 @@ def check_format(path: Path, name: str, contents: Sequence[str]) -> None:
         OutputError: a binary format for a terminal, a format that no pipe takes, or contents that there are not or
             that do not fit the format.
     """
-    unknown = next((what for what in contents if what not in CONTENTS), None)
+    unknown = next((content for content in contents if content not in CONTENTS), None)
     if unknown is not None:
         raise OutputError(
             f"no export has the content '{unknown}'",

@@ -131,13 +131,13 @@ Rows = dict[str, Any]
 
 def _gathered(results: Iterable[RevolutionResult]) -> Iterator[tuple[str, list[RevolutionResult]]]:
     """Yield wheel and several of its results at once."""
-    held: dict[str, list[RevolutionResult]] = {}
+    pending: dict[str, list[RevolutionResult]] = {}
     for result in results:
-        of_wheel = held.setdefault(result.position, [])
+        of_wheel = pending.setdefault(result.position, [])
         of_wheel.append(result)
         if len(of_wheel) >= _BLOCK_REVOLUTIONS:
-            yield result.position, held.pop(result.position)
-    yield from held.items()
+            yield result.position, pending.pop(result.position)
+    yield from pending.items()
 
 
 def _blocks(
@@ -305,10 +305,10 @@ def _estimate_rows(
                 {name: parts for name, parts in plain.items() if name not in names}, len(block)
             )
             missing = {column.name: unknown(column, len(block)) for column in columns if column.name not in cells}
-            yield wheel, {column.name: _known(cells | missing, column) for column in columns}
+            yield wheel, {column.name: _converted(cells | missing, column) for column in columns}
 
 
-def _known(cells: Mapping[str, Cells], column: Column) -> NDArray[Any]:
+def _converted(cells: Mapping[str, Cells], column: Column) -> NDArray[Any]:
     """Return cells of the type of a column: 0 for an unknown time, empty for an unknown text."""
     values = cells[column.name]
     if values.dtype.kind == "M":

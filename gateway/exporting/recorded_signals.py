@@ -167,9 +167,9 @@ def survey(recording: OpenedRecording) -> Survey:
         first_ns, last_ns = first_ns or int(arrivals_ns[0]), max(last_ns, int(arrivals_ns[-1]))
         router.take(link, batch, arrivals_ns)
     order = {name: index for index, name in enumerate(configured.values())}
-    heard = [wheel for wheel in router.wheels.values() if wheel is not None]
-    heard.sort(key=lambda wheel: order.get(wheel.wheel, len(order)))
-    return Survey({wheel.wheel: wheel for wheel in heard}, links.counters, first_ns, last_ns)
+    wheels = [wheel for wheel in router.wheels.values() if wheel is not None]
+    wheels.sort(key=lambda wheel: order.get(wheel.wheel, len(order)))
+    return Survey({wheel.wheel: wheel for wheel in wheels}, links.counters, first_ns, last_ns)
 
 
 def signals(recording: OpenedRecording, *, wheels: Collection[str] | None = None) -> Iterator[SignalItem]:
@@ -255,23 +255,23 @@ class _Segment:
         self.first = self.head = self.released = first
         self.rate_hz = rate_hz
         self.clock = SampleClock(rate_hz)
-        self._held: list[_Run] = []
+        self._pending: list[_Run] = []
         self._last_knot = (-math.inf, _BEFORE_EPOCH_NS)
         self._knot = max(1, round(_KNOT_S * rate_hz))
 
     def add(self, run: _Run, ticks_us: Sequence[int], block: int) -> None:
         """Append samples with the hub times of the first of each of their blocks."""
         self.clock.stamp_blocks(run.first, block, ticks_us)
-        self._held.append(run)
+        self._pending.append(run)
         self.head = run.end
 
     def insert(self, run: _Run) -> None:
         """Put late samples into their place, unless they are known or their neighbours are gone."""
-        holes = [self.released, *(edge for held in self._held for edge in (held.first, held.end)), self.head]
+        holes = [self.released, *(edge for stored in self._pending for edge in (stored.first, stored.end)), self.head]
         for lo, hi in list(zip(holes[::2], holes[1::2], strict=True)):
             first, end = max(lo, run.first), min(hi, run.end)
             if first < end:
-                insort(self._held, run.part(first, end))
+                insort(self._pending, run.part(first, end))
 
     def ready(self) -> int:
         """Return the end of the samples that can be dated now."""
@@ -283,10 +283,10 @@ class _Segment:
         if end <= self.released:
             return
         parts: list[_Run] = []
-        while self._held and self._held[0].first < end:
-            run = self._held.pop(0)
+        while self._pending and self._pending[0].first < end:
+            run = self._pending.pop(0)
             if run.end > end:
-                self._held.insert(0, run.part(end, run.end))
+                self._pending.insert(0, run.part(end, run.end))
                 run = run.part(run.first, end)
             parts.append(run)
         begin = self.first + (self.released - self.first) // self._knot * self._knot

@@ -154,31 +154,31 @@ def export_recording(
         key_file=key_file,
         on_position=lambda position: on_progress((done + position / size) / passes),
     )
-    seen = first_pass(recording, wheels=request.wheels)
+    overview = first_pass(recording, wheels=request.wheels)
     done = 1
     damage = file.damage
-    positions = [wheel.position for wheel in seen.wheels]
+    positions = [wheel.position for wheel in overview.wheels]
 
-    def again() -> OpenedRecording:
+    def reopened() -> OpenedRecording:
         # A file of its own, since passes may overlap.
         return replace(recording, file=open_recorded_file(path))
 
     def samples() -> Iterator[SignalBlock]:
-        blocks = sample_blocks(again(), wheels=positions)
-        return blocks if seen.has_arrivals else map(on_hub_time, blocks)
+        blocks = sample_blocks(reopened(), wheels=positions)
+        return blocks if overview.has_arrivals else map(on_hub_time, blocks)
 
     def results(with_estimators: bool) -> Iterator[RevolutionResult]:
         revolution_results = revolutions(
-            again(), tuple(request.estimators) if with_estimators else (), wheels=positions
+            reopened(), tuple(request.estimators) if with_estimators else (), wheels=positions
         )
-        return revolution_results if seen.has_arrivals else map(_on_hub_time, revolution_results)
+        return revolution_results if overview.has_arrivals else map(_on_hub_time, revolution_results)
 
-    source = Source(samples, results, path.name, seen.start_ns, request.estimators)
-    stated = {wheel.position: conditions(wheel, seen, recording) for wheel in seen.wheels}
+    source = Source(samples, results, path.name, overview.start_ns, request.estimators)
+    by_position = {wheel.position: conditions(wheel, overview, recording) for wheel in overview.wheels}
     with ExportFile(out, request.format_name, force=force) as out_file:
-        measured_contents = [measured(what, source) for what in request.contents]
+        measured_contents = [measured(name, source) for name in request.contents]
         tables: dict[tuple[str, str], WheelTable] = {
-            (content.what, wheel): replace(content.table(wheel), conditions=stated[wheel])
+            (content.what, wheel): replace(content.table(wheel), conditions=by_position[wheel])
             for content in measured_contents
             for wheel in positions
         }

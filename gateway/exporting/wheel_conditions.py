@@ -133,31 +133,31 @@ def first_pass(opened: OpenedRecording, *, wheels: Collection[str] = ()) -> Firs
         else:
             wheel.pressure.add(item.pressure_pa)
             wheel.temperature.add(item.temperature_degc)
-    heard = sorted(
+    senders = sorted(
         (wheel for wheel in by_position.values() if wheel.samples),
         key=lambda wheel: order.get(wheel.position, len(order)),
     )
     path = recording.info.path
-    if not heard and recording.damage is not None:
+    if not senders and recording.damage is not None:
         raise OutputError(
             f"'{path}' has no samples to export in its readable part: {text(recording.damage)}", REPAIR_REMEDY
         )
-    if not heard:
+    if not senders:
         raise OutputError(
             f"'{path}' has no samples to export",
             f"`treadlink inspect {shlex.quote(str(path))}` shows what the recording contains.",
         )
-    missing = [name for name in wheels if name not in {wheel.position for wheel in heard}]
+    missing = [name for name in wheels if name not in {wheel.position for wheel in senders}]
     if missing:
         raise OutputError(
             f"'{path}' has no samples of wheel {', '.join(missing)}",
-            f"It has: {', '.join(wheel.position for wheel in heard)}.",
+            f"It has: {', '.join(wheel.position for wheel in senders)}.",
         )
-    chosen = tuple(wheel for wheel in heard if not wheels or wheel.position in wheels)
+    chosen = tuple(wheel for wheel in senders if not wheels or wheel.position in wheels)
     if not has_arrivals(recording):
         return FirstPass(chosen, 0, has_arrivals=False)
     # A wheel that is left out must not move the zero of the times.
-    first_ns = min(wheel.start_ns for wheel in heard)
+    first_ns = min(wheel.start_ns for wheel in senders)
     start_ns = recording.info.start_ns
     start_ns = first_ns if start_ns is None or not start_ns <= first_ns else start_ns
     return FirstPass(chosen, start_ns, has_arrivals=True)
@@ -178,10 +178,10 @@ def conditions(wheel: MeasuredWheel, seen: FirstPass, recording: OpenedRecording
     )
 
 
-def _conditions(wheel: MeasuredWheel, seen: FirstPass, recording: OpenedRecording) -> Iterator[Condition]:
+def _conditions(wheel: MeasuredWheel, overview: FirstPass, recording: OpenedRecording) -> Iterator[Condition]:
     vehicle, info = recording.vehicle, recording.file.info
     by_sensor = text(Reason(CoreCode.FROM_SENSOR))
-    stated = text(Reason(CoreCode.FROM_RECORDING if recording.config_path is None else CoreCode.FROM_CONFIGURATION))
+    origin = text(Reason(CoreCode.FROM_RECORDING if recording.config_path is None else CoreCode.FROM_CONFIGURATION))
     setups = {setup.position: setup for setup in (vehicle.wheel_setups() if vehicle is not None else ())}
     setup = setups.get(wheel.position)
     yield Condition("exported_by", f"treadlink {__version__}")
@@ -189,29 +189,29 @@ def _conditions(wheel: MeasuredWheel, seen: FirstPass, recording: OpenedRecordin
     if info.treadlink:
         yield Condition("recorded_by", f"treadlink {info.treadlink}")
     yield Condition("recorded_from", ", ".join(info.sources))
-    yield Condition("start_ns", seen.start_ns, "ns")
-    yield Condition("clock", "computer" if seen.has_arrivals else "hub")
+    yield Condition("start_ns", overview.start_ns, "ns")
+    yield Condition("clock", "computer" if overview.has_arrivals else "hub")
     yield Condition("wheel", wheel.position)
     yield from _run(info.described_run(), wheel.position)
     if vehicle is not None:
-        yield Condition("vehicle", vehicle.name, "", stated)
+        yield Condition("vehicle", vehicle.name, "", origin)
         if vehicle.vehicle.assumed:
-            yield Condition("assumed", "; ".join(vehicle.vehicle.assumed), "", stated)
+            yield Condition("assumed", "; ".join(vehicle.vehicle.assumed), "", origin)
     yield Condition("sensor_id", ", ".join(f"{number:08x}" for number in wheel.sensors), "", by_sensor)
-    yield Condition("axes", ", ".join(name for name, has in zip(AXIS_NAMES, wheel.axes, strict=True) if has))
+    yield Condition("axes", ", ".join(name for name, used in zip(AXIS_NAMES, wheel.axes, strict=True) if used))
     if np.isfinite(wheel.range_mps2).any():
         ranges = zip(AXIS_NAMES, wheel.range_mps2.tolist(), strict=True)
-        ends = ", ".join(f"{name} {end!r}" for name, end in ranges if math.isfinite(end))
-        yield Condition("ranges_mps2", ends, "", by_sensor)
+        limits = ", ".join(f"{name} {limit!r}" for name, limit in ranges if math.isfinite(limit))
+        yield Condition("ranges_mps2", limits, "", by_sensor)
     yield Condition("rate_hz", wheel.rate_hz, "Hz", by_sensor)
     if setup is not None:
-        yield Condition("relative_rate_std", setup.sensor.rate_std, "", stated)
+        yield Condition("relative_rate_std", setup.sensor.rate_std, "", origin)
     yield Condition("coupling", "ac" if wheel.ac_coupled else "dc", "", by_sensor)
     yield Condition("samples", wheel.samples)
     yield Condition("samples_lost", wheel.lost)
     yield Condition("duration_s", (wheel.end_ns - wheel.start_ns) * 1e-9, "s")
-    yield from _tire(setup, vehicle, wheel, stated)
-    yield from _environment(setup, wheel, stated, by_sensor)
+    yield from _tire(setup, vehicle, wheel, origin)
+    yield from _environment(setup, wheel, origin, by_sensor)
 
 
 def _run(run: RunDescription, position: str) -> Iterator[Condition]:
@@ -233,29 +233,29 @@ def _run(run: RunDescription, position: str) -> Iterator[Condition]:
 
 
 def _tire(
-    setup: WheelSetup | None, vehicle: VehicleConfig | None, wheel: MeasuredWheel, stated: str
+    setup: WheelSetup | None, vehicle: VehicleConfig | None, wheel: MeasuredWheel, origin: str
 ) -> Iterator[Condition]:
     if setup is None or vehicle is None:
         radius_m = ASSUMED_RADIUS_MM * 1e-3
         source = text(Reason(CoreCode.ASSUMED_RADIUS, radius_m=radius_m))
         yield Condition("radius_m", radius_m, "m", source)
         return
-    yield Condition("radius_m", setup.radius_m, "m", stated)
-    yield Condition("radius_std_m", setup.radius_std_m, "m", stated)
+    yield Condition("radius_m", setup.radius_m, "m", origin)
+    yield Condition("radius_std_m", setup.radius_std_m, "m", origin)
     wheel_table = configured(vehicle, wheel.position)
     assert wheel_table is not None
     tire = vehicle.tire_of(wheel_table)
     if tire.size is not None:
-        yield Condition("tire_size", tire.size, "", stated)
+        yield Condition("tire_size", tire.size, "", origin)
     if setup.load_n is not None:
-        yield Condition("load_n", setup.load_n, "N", stated)
+        yield Condition("load_n", setup.load_n, "N", origin)
         if setup.load_std_n > 0.0:
-            yield Condition("load_std_n", setup.load_std_n, "N", stated)
+            yield Condition("load_std_n", setup.load_std_n, "N", origin)
     if wheel_table.mounting.offset_m is not None:
-        yield Condition("mounting_offset_m", wheel_table.mounting.offset_m, "m", stated)
+        yield Condition("mounting_offset_m", wheel_table.mounting.offset_m, "m", origin)
 
 
-def _environment(setup: WheelSetup | None, wheel: MeasuredWheel, stated: str, by_sensor: str) -> Iterator[Condition]:
+def _environment(setup: WheelSetup | None, wheel: MeasuredWheel, origin: str, by_sensor: str) -> Iterator[Condition]:
     """Yield pressure and temperature: the mean of what the sensor measured, else what is stated."""
     quantities = (
         ("pressure_pa", "Pa", wheel.pressure.value, setup.pressure_pa if setup is not None else None),
@@ -265,4 +265,4 @@ def _environment(setup: WheelSetup | None, wheel: MeasuredWheel, stated: str, by
         if measured is not None:
             yield Condition(name, measured, unit, by_sensor)
         elif configured_value is not None:
-            yield Condition(name, configured_value, unit, stated)
+            yield Condition(name, configured_value, unit, origin)

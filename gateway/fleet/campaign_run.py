@@ -186,9 +186,9 @@ class CampaignRun:
             self._count_failure(path, failure)
             self._settle(path)
             return
-        for other in self.dataset.replaced_by(content):
-            if other in self._seen:
-                self.dataset.keep(self._seen[other])
+        for replaced in self.dataset.replaced_by(content):
+            if replaced in self._seen:
+                self.dataset.keep(self._seen[replaced])
         if content.recording_id in self._seen:
             self.progress.copies += 1
             self._settle(path)
@@ -342,21 +342,21 @@ def _selected(paths: list[Path], where: RunFilter) -> list[Path]:
     if not where.conditions:
         return paths
     selected: list[Path] = []
-    stated: dict[str, set[str]] = {key: set() for key, _ in where.conditions}
+    known_values: dict[str, set[str]] = {key: set() for key, _ in where.conditions}
     for path in paths:
         try:
             info = RecordingReader(path).info
         except RecordingError:
             continue
         run = info.described_run()
-        for key, values in stated.items():
+        for key, values in known_values.items():
             values.update(filter(None, KEYS[key](run, list(run.tires.values()))))
         if where.matches(run):
             selected.append(path)
     if not selected:
         named = (
             f"They have {key}: {', '.join(sorted(values)[:_NAMED_VALUES])}." if values else f"None states its {key}."
-            for key, values in stated.items()
+            for key, values in known_values.items()
         )
         raise RecordingError(f"none of {len(paths)} recordings fits {where}", " ".join(named))
     return selected

@@ -62,10 +62,10 @@ def diagnosis_version() -> str:
 def _code_digest(packages: tuple[str, ...]) -> str:
     digest = hashlib.sha256()
     for name in packages:
-        package, _, only = name.partition(":")
+        package, _, file = name.partition(":")
         root = Path(str(resources.files(package)))
         paths = (
-            [root / only] if only else sorted(root.rglob("*.py"), key=lambda path: path.relative_to(root).as_posix())
+            [root / file] if file else sorted(root.rglob("*.py"), key=lambda path: path.relative_to(root).as_posix())
         )
         # The wording of a reason decides about no row.
         for path in (path for path in paths if path.name != "reasons.py"):

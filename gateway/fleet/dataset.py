@@ -53,7 +53,7 @@ DIAGNOSES: Final = "diagnoses"
 FAILURES: Final = "failures"
 INCOMING: Final = ".incoming"
 _LOCK: Final = ".lock"
-_FINAL, _AGAIN = "final", "again"
+_FINAL, _RETRYABLE = "final", "again"
 _OF_WHEELS: Final = ("position", "revolutions", "missing", "alarms", "damage")
 _NO_REVOLUTIONS: Final = "none"
 _LONGEST_NAME: Final = 80
@@ -61,7 +61,7 @@ _MAX_DESCRIPTION_BYTES: Final = 1 << 20
 _NULL_PARTITION: Final = "__HIVE_DEFAULT_PARTITION__"
 
 
-_KEY_NAME: Final = re.compile(rf"(\w+)-(\w+)-(\w+)(?:\.(?:{_FINAL}|{_AGAIN}))?\.parquet", re.ASCII)
+_KEY_NAME: Final = re.compile(rf"(\w+)-(\w+)-(\w+)(?:\.(?:{_FINAL}|{_RETRYABLE}))?\.parquet", re.ASCII)
 
 
 class Key(NamedTuple):
@@ -136,7 +136,7 @@ class Dataset:
         self._of_path: dict[str, set[str]] = {}
         self._failed: dict[str, tuple[Key, bool]] = {}
         self._places: dict[tuple[str, Key], Path] = {}
-        self._read()
+        self._scan_tables()
 
     def done(self, recording_id: str, settings: str) -> bool:
         """Return whether a content has its rows under these settings."""
@@ -200,19 +200,19 @@ class Dataset:
         Raises:
             OutputError: the disk refuses, or a part is elsewhere; the recording is then not in the dataset.
         """
-        strange = [part for part in parts.values() if part.parent != self.incoming]
-        if strange:
-            raise OutputError(f"a worker names '{strange[0]}' as its part", "Use a scheduler and workers of your own.")
+        foreign = [part for part in parts.values() if part.parent != self.incoming]
+        if foreign:
+            raise OutputError(f"a worker names '{foreign[0]}' as its part", "Use a scheduler and workers of your own.")
         key = Key(path_key(content.path), content.recording_id, settings)
         with _explained(self.root):
-            for old in (self._done.get(other) for other in (content.recording_id, *self.replaced_by(content))):
+            for old in (self._done.get(identity) for identity in (content.recording_id, *self.replaced_by(content))):
                 if old is not None:
                     self._remove(old)
             self.clear_failure(content)
             # The file of the recordings is the last: what is without it does not count, and is removed.
             for table in (REVOLUTIONS, RECORDINGS):
                 if table in parts:
-                    self._places[table, key] = self._place(parts[table], table, vehicle, start_ns, f"{key}.parquet")
+                    self._places[table, key] = self._move_part(parts[table], table, vehicle, start_ns, f"{key}.parquet")
         self._remember(key)
 
     def fail(self, path: Path, content: FileContent | None, settings: str, failure: Failure, now_ns: int) -> None:
@@ -225,7 +225,7 @@ class Dataset:
         key = Key(path_key(path), recording_id, settings)
         if content is not None:
             with _explained(self.root):
-                for old in (self._done.get(other) for other in self.replaced_by(content)):
+                for old in (self._done.get(identity) for identity in self.replaced_by(content)):
                     if old is not None:
                         self._remove(old)
         self._drop_failure(key.path)
@@ -233,7 +233,7 @@ class Dataset:
         with _explained(self.root):
             folder.mkdir(exist_ok=True)
         reason = failure.reason
-        target = folder / f"{key}.{_FINAL if failure.is_final else _AGAIN}.parquet"
+        target = folder / f"{key}.{_FINAL if failure.is_final else _RETRYABLE}.parquet"
         with PartFile(target, FAILURE_COLUMNS, FAILURES) as part:
             part.row(
                 {
@@ -270,9 +270,9 @@ class Dataset:
             for path in old:
                 path.unlink(missing_ok=True)
             for part, vehicle, start_ns, name in parts:
-                self._place(part, table, vehicle, start_ns, name)
+                self._move_part(part, table, vehicle, start_ns, name)
 
-    def _place(self, part: Path, table: str, vehicle: str, start_ns: int, name: str) -> Path:
+    def _move_part(self, part: Path, table: str, vehicle: str, start_ns: int, name: str) -> Path:
         folder = self.root / table / partition(vehicle, start_ns)
         folder.mkdir(parents=True, exist_ok=True)
         return part.replace(folder / name)
@@ -283,7 +283,7 @@ class Dataset:
             for path in self.incoming.iterdir():
                 path.unlink(missing_ok=True)
 
-    def _read(self) -> None:
+    def _scan_tables(self) -> None:
         """Find what is done, and remove what a killed campaign has left unfinished."""
         with _explained(self.root):
             self.incoming.mkdir(exist_ok=True)
@@ -458,18 +458,18 @@ def partition(vehicle: str, start_ns: int) -> Path:
     return Path(f"vehicle={encoded}") / f"day={day}"
 
 
-def _difference(root: Path, present: Description, wanted: Description) -> OutputError:
+def _difference(root: Path, present: Description, requested: Description) -> OutputError:
     for name, word in (("estimators", "estimators"), ("rows", "kept rows")):
-        old, new = getattr(present, name), getattr(wanted, name)
+        old, new = getattr(present, name), getattr(requested, name)
         if old != new:
-            shown = [", ".join(setting) if isinstance(setting, tuple) else setting for setting in (old, new)]
+            texts = [", ".join(setting) if isinstance(setting, tuple) else setting for setting in (old, new)]
             return OutputError(
-                f"the dataset '{root}' was made with other {word}: {shown[0]}; now: {shown[1]}",
+                f"the dataset '{root}' was made with other {word}: {texts[0]}; now: {texts[1]}",
                 "Choose a new folder, or the same options.",
             )
     # The estimators are the same, so their code is another: an older or a newer treadlink made the dataset.
-    lacking = [name for name in wanted.estimates if name not in present.estimates]
-    unknown = [name for name in present.estimates if name not in wanted.estimates]
+    lacking = [name for name in requested.estimates if name not in present.estimates]
+    unknown = [name for name in present.estimates if name not in requested.estimates]
     parts = [
         f"{word} {', '.join(names)}"
         for word, names in (("it has no columns for", lacking), ("this version gives no", unknown))

@@ -68,7 +68,7 @@ _EARLIEST_NS: Final = int(np.datetime64("2000-03-01", "ns").astype(np.int64))
 _CLOCK_SLACK_NS: Final = 86_400 * 10**9
 # Hosts estimate the zero of a hub's clock from arrival times; different drives differ by seconds at least.
 _SAME_ZERO_NS: Final = 200_000_000
-_SHARED: Final = 0.5
+_OVERLAP: Final = 0.5
 _NS: Final = 1_000_000_000
 
 Row = Mapping[str, Any]
@@ -81,23 +81,23 @@ def without_repeats(rows: Sequence[Row]) -> tuple[list[Row], list[tuple[Row, Row
     was zero at the same time: a recorder that always begins at the same wrong date repeats its times only. Of several
     the one with the most valid revolutions is kept.
     """
-    order = sorted(rows, key=_worth)
+    order = sorted(rows, key=_repeat_order)
     distinct: list[Row] = []
     by_zero: dict[int, list[Row]] = defaultdict(list)
     repeats: list[tuple[Row, Row]] = []
     for row in order:
         second = int(row.get("hub_zero_utc") or 0) // _NS
-        near = (other for zero_s in (second - 1, second, second + 1) for other in by_zero.get(zero_s, ()))
-        same = next((other for other in near if _is_same_drive(row, other)), None)
-        if same is None:
+        candidates = (drive for zero_s in (second - 1, second, second + 1) for drive in by_zero.get(zero_s, ()))
+        original = next((drive for drive in candidates if _is_same_drive(row, drive)), None)
+        if original is None:
             distinct.append(row)
             by_zero[second].append(row)
         else:
-            repeats.append((row, same))
+            repeats.append((row, original))
     return distinct, repeats
 
 
-def _worth(row: Row) -> tuple[int, int, str]:
+def _repeat_order(row: Row) -> tuple[int, int, str]:
     """Return what orders recordings of one drive: valid revolutions first, then the shortest path, the original's."""
     path = str(row["path"])
     return -(row.get("revolutions_valid") or 0), len(path), path
@@ -107,9 +107,9 @@ def _is_same_drive(row: Row, other: Row) -> bool:
     names = ("begin_utc", "end_utc", "hub_zero_utc")
     if any(drive.get(name) is None for drive in (row, other) for name in names):
         return False
-    shared = min(row["end_utc"], other["end_utc"]) - max(row["begin_utc"], other["begin_utc"])
+    overlap = min(row["end_utc"], other["end_utc"]) - max(row["begin_utc"], other["begin_utc"])
     shorter = min(row["end_utc"] - row["begin_utc"], other["end_utc"] - other["begin_utc"])
-    return bool(shared > _SHARED * shorter and abs(row["hub_zero_utc"] - other["hub_zero_utc"]) <= _SAME_ZERO_NS)
+    return bool(overlap > _OVERLAP * shorter and abs(row["hub_zero_utc"] - other["hub_zero_utc"]) <= _SAME_ZERO_NS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,23 +184,23 @@ def _read_files(root: Path, estimates: Sequence[str], where: RunFilter, latest_n
     names = [*_PLAIN, *(name + part for name in estimates for part in ("", "_std", "_status", "_reason"))]
     rows: dict[tuple[str, str, str], list[Row]] = defaultdict(list)
     notes: list[Reason] = []
-    read: set[str] = set()
-    described = of_wrong_clock = 0
+    recording_ids: set[str] = set()
+    row_count = of_wrong_clock = 0
     for path in sorted((root / RECORDINGS).glob("*/*/*.parquet")):
         key = Key.of_name(path.name)
-        if key is None or key.recording_id in read:
+        if key is None or key.recording_id in recording_ids:
             notes.append(Reason(FleetCode.TREND_FILE_LEFT_OUT, why="foreign", path=str(path)))
             continue
         file_rows = read_rows(path, names, _NEEDED)
         if file_rows is None:
             notes.append(Reason(FleetCode.TREND_FILE_LEFT_OUT, why="unreadable", path=str(path)))
             continue
-        described += len(file_rows)
+        row_count += len(file_rows)
         file_rows = [row for row in file_rows if not where.conditions or where.matches(_run(row), _POSITION)]
         if where.conditions and not file_rows:
             continue
         vehicle = unquote(path.parent.parent.name.removeprefix("vehicle="))
-        read.add(key.recording_id)
+        recording_ids.add(key.recording_id)
         if file_rows and not _EARLIEST_NS <= file_rows[0]["start_utc"] <= latest_ns:
             date = str(np.datetime64(file_rows[0]["start_utc"], "ns").astype("datetime64[D]"))
             notes.append(Reason(FleetCode.TREND_CLOCK_WRONG, path=str(file_rows[0]["path"]), date=date))
@@ -208,7 +208,7 @@ def _read_files(root: Path, estimates: Sequence[str], where: RunFilter, latest_n
             continue
         for row in file_rows:
             rows[vehicle, str(row["position"]), str(row["sensor_id"] or "")].append(row)
-    return _Files(rows, notes, read, described, of_wrong_clock)
+    return _Files(rows, notes, recording_ids, row_count, of_wrong_clock)
 
 
 def _without_rows(root: Path, dataset: _Files, where: RunFilter) -> OutputError:
@@ -240,8 +240,8 @@ def _leave_out_repeats(dataset: _Files) -> set[str]:
     for tire, tire_rows in dataset.rows.items():
         if is_identified(tire[0], tire[2]):
             dataset.rows[tire], repeats = without_repeats(tire_rows)
-            for repeat, other in repeats:
-                pair = Reason(FleetCode.TREND_REPEATS, path=str(repeat["path"]), other=str(other["path"]))
+            for repeat, original in repeats:
+                pair = Reason(FleetCode.TREND_REPEATS, path=str(repeat["path"]), other=str(original["path"]))
                 repeated.setdefault(str(repeat["recording_id"]), pair)
         distinct |= {str(row["recording_id"]) for row in dataset.rows[tire]}
     if repeated:
@@ -397,8 +397,8 @@ def _alarms(row: Row) -> tuple[tuple[str, str], ...]:
 
 
 def _commonest_fault(row: Row) -> str:
-    most: dict[str, Any] = max(_listed(row, "faults"), key=lambda fault: int(fault.get("count", 0)), default={})
-    return str(most.get("text", ""))
+    commonest: dict[str, Any] = max(_listed(row, "faults"), key=lambda fault: int(fault.get("count", 0)), default={})
+    return str(commonest.get("text", ""))
 
 
 def _listed(row: Row, name: str, kind: type = dict) -> list[Any]:
@@ -423,14 +423,14 @@ def _km(
         driven = np.nan_to_num(distance_m)
         return np.asarray((np.cumsum(driven) - driven) * 1e-3, dtype=np.float64)
     times, km = readings
-    begin = int(times[0])
-    at_ns, reading_ns = (time_ns - begin).astype(np.float64), (times - begin).astype(np.float64)
-    km_at = np.interp(at_ns, reading_ns, km)
+    origin_ns = int(times[0])
+    query_ns, reading_ns = (time_ns - origin_ns).astype(np.float64), (times - origin_ns).astype(np.float64)
+    km_at = np.interp(query_ns, reading_ns, km)
     if len(reading_ns) > 1:
-        for edge, inner, beyond in ((0, 1, at_ns < reading_ns[0]), (-1, -2, at_ns > reading_ns[-1])):
+        for edge, inner, is_outside in ((0, 1, query_ns < reading_ns[0]), (-1, -2, query_ns > reading_ns[-1])):
             step = reading_ns[edge] - reading_ns[inner]
             slope = (km[edge] - km[inner]) / step if step else 0.0
-            km_at = np.where(beyond, km[edge] + slope * (at_ns - reading_ns[edge]), km_at)
+            km_at = np.where(is_outside, km[edge] + slope * (query_ns - reading_ns[edge]), km_at)
     return np.asarray(km_at, dtype=np.float64)
 
 

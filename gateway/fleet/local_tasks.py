@@ -36,8 +36,8 @@ class LocalTasks(WorkerTasks):
         self._workers = Workers(count)
         self._memory_bytes = memory_bytes
         self._tasks: list[RunningTask | None] = [None] * count
-        self._begun: list[Future[None] | None] = [None] * count
-        self._read_before = [0] * count
+        self._preparations: list[Future[None] | None] = [None] * count
+        self._start_bytes = [0] * count
         self._above_limit: set[int] = set()
 
     def __enter__(self) -> Self:
@@ -61,7 +61,7 @@ class LocalTasks(WorkerTasks):
         if task is None:
             return 0
         index = self._tasks.index(task)
-        return self._workers.progress.at(index) - self._read_before[index]
+        return self._workers.progress.at(index) - self._start_bytes[index]
 
     def wait(self, timeout_s: float) -> TaskResult | None:
         """Return the next result; None after the time.
@@ -84,9 +84,9 @@ class LocalTasks(WorkerTasks):
         index = self._tasks.index(None)
         self._tasks[index] = task
         try:
-            if self._begun[index] is None:
-                self._begun[index] = self._workers.each[index].submit(_ignore_interrupt)
-            self._read_before[index] = self._workers.progress.at(index)
+            if self._preparations[index] is None:
+                self._preparations[index] = self._workers.each[index].submit(_ignore_interrupt)
+            self._start_bytes[index] = self._workers.progress.at(index)
             return self._workers.each[index].work(task.work, task.order)
         except OSError as error:
             raise _not_started(error) from error
@@ -96,10 +96,10 @@ class LocalTasks(WorkerTasks):
         try:
             outcome = task.future.result()
         except BrokenProcessPool as error:
-            begun = self._begun[index]
+            preparation = self._preparations[index]
             above_limit = index in self._above_limit
             self._replace(index)
-            if begun is not None and begun.exception() is not None:
+            if preparation is not None and preparation.exception() is not None:
                 raise _not_started(error) from error
             if above_limit:
                 return Reason(FleetCode.WORKER_MEMORY_ABOVE_LIMIT, limit_bytes=self._memory_bytes)
@@ -111,7 +111,7 @@ class LocalTasks(WorkerTasks):
     def _replace(self, index: int) -> None:
         self._workers.replace(index)
         self._tasks[index] = None
-        self._begun[index] = None
+        self._preparations[index] = None
         self._above_limit.discard(index)
 
     def _end_above_limit(self) -> None:

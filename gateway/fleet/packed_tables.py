@@ -93,9 +93,9 @@ def _packed(table: str, paths: list[Path], folder: Path, count: Callable[[], Non
 
     files = _Files(table, folder)
     # Rows that have not been written, and those of them that are in small tables still.
-    held: list[Any] = []
-    small: list[Any] = []
-    held_rows = 0
+    pending: list[Any] = []
+    small_tables: list[Any] = []
+    pending_rows = 0
     unreadable = []
     try:
         for path, rows in _tables(paths):
@@ -103,17 +103,17 @@ def _packed(table: str, paths: list[Path], folder: Path, count: Callable[[], Non
                 unreadable.append(path)
             else:
                 files.schema = files.schema or rows.schema
-                small.append(rows)
-                held_rows += rows.num_rows
-                if len(small) >= _SMALL_TABLES:
-                    held.append(pa.concat_tables(small).combine_chunks())
-                    small = []
-                if held_rows >= _GROUP_ROWS:
-                    files.write(pa.concat_tables([*held, *small]))
-                    held, small, held_rows = [], [], 0
+                small_tables.append(rows)
+                pending_rows += rows.num_rows
+                if len(small_tables) >= _SMALL_TABLES:
+                    pending.append(pa.concat_tables(small_tables).combine_chunks())
+                    small_tables = []
+                if pending_rows >= _GROUP_ROWS:
+                    files.write(pa.concat_tables([*pending, *small_tables]))
+                    pending, small_tables, pending_rows = [], [], 0
             count()
-        if held or small:
-            files.write(pa.concat_tables([*held, *small]))
+        if pending or small_tables:
+            files.write(pa.concat_tables([*pending, *small_tables]))
         files.close()
     except BaseException:
         files.discard()

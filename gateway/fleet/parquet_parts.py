@@ -110,10 +110,10 @@ class PartFile(WholeOutput):
     def _flush(self) -> None:
         import pyarrow as pa
 
-        held = {name: pa.array(cells, self._schema.field(name).type) for name, cells in self._cells.items()}
+        arrays = {name: pa.array(cells, self._schema.field(name).type) for name, cells in self._cells.items()}
         if next(iter(self._cells.values())):
             with self._output.explained():
-                self._writer.write_table(pa.table(held, schema=self._schema))
+                self._writer.write_table(pa.table(arrays, schema=self._schema))
         self._cells = {name: [] for name in self._columns}
 
 
@@ -149,7 +149,7 @@ def read_rows(path: Path, names: Collection[str], needed: Collection[str] | None
 def _schema(columns: Mapping[str, Column], table: str) -> Any:
     """Return the Arrow schema; the file's metadata have the units of all columns as one JSON object."""
     units = {name: column.unit for name, column in columns.items() if column.unit}
-    about = {
+    metadata = {
         "treadlink": __version__,
         "treadlink.dataset": FORMAT,
         "treadlink.table": table,
@@ -157,4 +157,4 @@ def _schema(columns: Mapping[str, Column], table: str) -> Any:
         "treadlink.units": json.dumps(units, ensure_ascii=False),
         **{f"treadlink.{key}": text for key, text in CONVENTIONS.items()},
     }
-    return arrow_schema(columns.values(), about, is_brief=True)
+    return arrow_schema(columns.values(), metadata, is_brief=True)

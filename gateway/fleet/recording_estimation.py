@@ -231,7 +231,7 @@ class _Collector:
         self.wheels: dict[str, WheelRow] = {}
         self.revolutions: PartFile | None = None
         self._order = order
-        self._held: dict[str, RevolutionResult] = {}
+        self._last_results: dict[str, RevolutionResult] = {}
 
     def block(self, block: ResultBlock) -> None:
         row = self.wheels.get(block.position)
@@ -243,17 +243,17 @@ class _Collector:
         if kept_rows is RowsKept.ALL:
             self._write(block)
         elif kept_rows is RowsKept.SECOND:
-            held = self._held.get(block.position)
-            results = [held, *block.results] if held is not None else block.results
-            last = [before for before, after in pairwise(results) if before.host_ns // _NS != after.host_ns // _NS]
-            for kept in blocks_of(last):
-                self._write(kept)
-            self._held[block.position] = results[-1]
+            previous = self._last_results.get(block.position)
+            results = [previous, *block.results] if previous is not None else block.results
+            thinned = [before for before, after in pairwise(results) if before.host_ns // _NS != after.host_ns // _NS]
+            for last_block in blocks_of(thinned):
+                self._write(last_block)
+            self._last_results[block.position] = results[-1]
 
     def finish(self) -> None:
-        for kept in blocks_of(self._held.values()):
-            self._write(kept)
-        self._held.clear()
+        for block in blocks_of(self._last_results.values()):
+            self._write(block)
+        self._last_results.clear()
         if self.revolutions is not None:
             self.revolutions.close()
 
@@ -306,21 +306,21 @@ def _estimate(order: EstimationOrder, on_bytes: Callable[[int], None]) -> Estima
             return _nothing_readable(reader.damage, notice.reason)
         final = notice.reason.code is SessionCode.NO_FRAME_RECEIVED
         return Estimated(failure=Failure(notice.reason, is_final=final), peak_bytes=_peak_bytes())
-    if reader.damage is not None and not _heard(collected, estimation):
+    if reader.damage is not None and not _senders(collected, estimation):
         return _nothing_readable(reader.damage, Reason(WheelCode.NO_SAMPLES))
     return _recording_rows(order, recording, collected, estimation)
 
 
-def _nothing_readable(damage: Reason, why: Reason) -> Estimated:
+def _nothing_readable(damage: Reason, cause: Reason) -> Estimated:
     """Return the failure of a damaged recording whose readable part gives no row."""
-    reason = Reason(FleetCode.RECORDING_NOTHING_READABLE, damage=damage, why=why)
+    reason = Reason(FleetCode.RECORDING_NOTHING_READABLE, damage=damage, why=cause)
     return Estimated(failure=Failure(reason, REPAIR_REMEDY), damage=damage, peak_bytes=_peak_bytes())
 
 
-def _heard(collected: _Collector, estimation: RecordingPass) -> list[str]:
+def _senders(collected: _Collector, estimation: RecordingPass) -> list[str]:
     """Return the wheels that sent samples; one that is configured and sent none has no row, but an alarm."""
-    heard = [state.position for state in estimation.wheels if state.counters.samples]
-    return list(dict.fromkeys([*collected.wheels, *heard]))
+    senders = [state.position for state in estimation.wheels if state.counters.samples]
+    return list(dict.fromkeys([*collected.wheels, *senders]))
 
 
 def _recording_rows(
@@ -331,7 +331,7 @@ def _recording_rows(
     info, vehicle, damage = recording.file.info, recording.vehicle, recording.file.damage
     times = _Times.of(estimation, info.start_ns)
     states = {state.position: state for state in estimation.wheels}
-    positions, alarms, counters = _heard(collected, estimation), estimation.alarms(), estimation.links.values()
+    positions, alarms, counters = _senders(collected, estimation), estimation.alarms(), estimation.links.values()
     of_links = [alarm for alarm in alarms if alarm.position not in positions]
     sensors = {position: _sensor_ids(estimation, position) for position in positions}
     path = order.folder / f"{order.token}.{RECORDINGS}.parquet"
@@ -340,8 +340,8 @@ def _recording_rows(
     with PartFile(path, columns, RECORDINGS) as part:
         for position in positions:
             tire = configured_tire(vehicle, position)
-            mine = [*(alarm for alarm in alarms if alarm.position == position), *of_links]
-            stated = _false_statements(recording, estimation, position, positions)
+            wheel_alarms = [*(alarm for alarm in alarms if alarm.position == position), *of_links]
+            contradictions = _false_statements(recording, estimation, position, positions)
             cells = collected.wheels.get(position, WheelRow()).cells(states.get(position), names)
             if isinstance(zero_ns := cells.get("hub_zero_utc"), int):
                 cells["hub_zero_utc"] = zero_ns + times.ahead_ns
@@ -360,11 +360,11 @@ def _recording_rows(
                 "frames_lost": sum(counted.lost for counted in counters),
                 "alarms": json_cell(
                     [
-                        *({"position": alarm.position, **alarm_fields(alarm)} for alarm in mine),
-                        *({"position": position, "name": name, **as_json(reason)} for name, reason in stated),
+                        *({"position": alarm.position, **alarm_fields(alarm)} for alarm in wheel_alarms),
+                        *({"position": position, "name": name, **as_json(reason)} for name, reason in contradictions),
                     ]
                 ),
-                "alarm_count": sum(alarm.count for alarm in mine) + len(stated),
+                "alarm_count": sum(alarm.count for alarm in wheel_alarms) + len(contradictions),
                 "damage": json_cell(as_json(damage)) if damage is not None else None,
                 # A belt radius that the configuration lists as assumed is not stated.
                 "stated_radius_m": tire.radius_m if tire and not is_assumed(vehicle, Quantity.RADIUS) else None,
@@ -428,8 +428,8 @@ def _false_statements(
         for notice in estimation.statements.contradictions()
         if _concerns(notice.subject, position, positions)
     )
-    of_others = ((_OTHER_EFFECTS, notice.reason) for notice in recording.effects_doubts() if notice.subject == position)
-    return [*contradicted, *of_others]
+    misplaced = ((_OTHER_EFFECTS, notice.reason) for notice in recording.effects_doubts() if notice.subject == position)
+    return [*contradicted, *misplaced]
 
 
 def _sensor_ids(estimation: RecordingPass, position: str) -> str:

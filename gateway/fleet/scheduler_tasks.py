@@ -162,12 +162,12 @@ class _SignsOfLife:
         """Take the scheduler's times of the last signs by worker; return the workers that are silent from now on."""
         now_ns = self._clock.now_ns()
         # A pause of this computer is no silence of the workers.
-        passed_ns = 0 if self._looked_ns is None else min(now_ns - self._looked_ns, 2 * _LOOK_NS)
+        elapsed_ns = 0 if self._looked_ns is None else min(now_ns - self._looked_ns, 2 * _LOOK_NS)
         self._looked_ns = now_ns
-        before, self._workers = self._workers, {}
-        for worker, seen in last_seen.items():
-            seen_before, silent_ns = before.get(worker, (None, 0))
-            self._workers[worker] = seen, silent_ns + passed_ns if seen == seen_before else 0
+        previous, self._workers = self._workers, {}
+        for worker, sign_s in last_seen.items():
+            previous_sign_s, silent_ns = previous.get(worker, (None, 0))
+            self._workers[worker] = sign_s, silent_ns + elapsed_ns if sign_s == previous_sign_s else 0
         silent_before = self.silent
         self.silent = {worker for worker, (_, silent_ns) in self._workers.items() if silent_ns >= _SILENT_NS}
         self.alive = self._workers.keys() - self.silent
@@ -189,7 +189,7 @@ class SchedulerTasks(WorkerTasks):
 
     def places(self) -> int:
         """Return the number of threads of all workers but the silent ones."""
-        threads: dict[str, int] = self._asked(self._client.scheduler.ncores)
+        threads: dict[str, int] = self._answer(self._client.scheduler.ncores)
         return sum(number for worker, number in threads.items() if worker not in self._signs.silent)
 
     def read_bytes(self, token: str) -> int:
@@ -214,7 +214,7 @@ class SchedulerTasks(WorkerTasks):
         if futures:
             self._client.cancel(futures, force=True)
 
-    def _asked(self, question: Callable[..., Any], **options: Any) -> Any:
+    def _answer(self, question: Callable[..., Any], **options: Any) -> Any:
         """Return an answer of the scheduler.
 
         Raises:
@@ -227,9 +227,9 @@ class SchedulerTasks(WorkerTasks):
 
     def _take_from_silent_workers(self) -> TaskResult | None:
         """Name workers that have become silent and give their tasks to others; return one that is not tried again."""
-        identity = self._asked(self._client.scheduler.identity)
-        fallen = self._signs.look({name: about["last_seen"] for name, about in identity["workers"].items()})
-        for worker in fallen:
+        identity = self._answer(self._client.scheduler.identity)
+        newly_silent = self._signs.look({name: entry["last_seen"] for name, entry in identity["workers"].items()})
+        for worker in newly_silent:
             _log.warning("%s", text(_silence(worker)))
         self._without_worker = 0 if identity["workers"] else self._without_worker + 1
         if self._without_worker == _LOOKS_WITHOUT_WORKER:
@@ -237,14 +237,14 @@ class SchedulerTasks(WorkerTasks):
         if not self._signs.silent or not self._signs.alive:
             return None
         tasks = {task.key: task for task in self._running.values()}
-        keys_by_worker = self._asked(self._client.scheduler.processing)
+        keys_by_worker = self._answer(self._client.scheduler.processing)
         for worker in sorted(self._signs.silent):
             for task in (tasks[key] for key in keys_by_worker.get(worker, ()) if key in tasks):
                 del self._running[task.token]
                 self._client.cancel([task.future], force=True)
                 task.read_bytes = 0
                 # A scheduler that balances its workers gives tasks to a silent one, which seems idle: no attempt.
-                task.attempts -= worker not in fallen
+                task.attempts -= worker not in newly_silent
                 if (result := self._try_again(task, _silence(worker))) is not None:
                     return result
         return None
@@ -254,11 +254,11 @@ class SchedulerTasks(WorkerTasks):
         # The argument `key` is dask's: one for each attempt, or it would return the result of the first.
         task.key = f"treadlink-{task.token}-{self._number}"
         work = partial(_work, task.work, task.token, _own_code())
-        chosen: dict[str, Any] = {}
+        options: dict[str, Any] = {}
         if self._signs.silent and self._signs.alive:
             # Others may do it when all of these have ended.
-            chosen = {"workers": sorted(self._signs.alive), "allow_other_workers": True}
-        return self._client.submit(work, task.order, key=task.key, pure=False, retries=0, **chosen)
+            options = {"workers": sorted(self._signs.alive), "allow_other_workers": True}
+        return self._client.submit(work, task.order, key=task.key, pure=False, retries=0, **options)
 
     def _outcome(self, task: RunningTask) -> Any:
         from distributed import KilledWorker

@@ -191,7 +191,7 @@ def diagnose_tire(order: DiagnosisOrder, _: Callable[[int], None] = lambda _: No
     except Exception as error:  # a fault of treadlink at one tire must not stop the others
         failed = Reason(FleetCode.ESTIMATION_FAILED, kind=type(error).__name__, message=str(error)[:500])
         return _write_failure(order, failed)
-    whole = json.dumps(diagnosis_json(diagnosis), ensure_ascii=False, allow_nan=False)
+    document = json.dumps(diagnosis_json(diagnosis), ensure_ascii=False, allow_nan=False)
     common = {
         **_head(order, diagnosis.recordings),
         "left_out": storable(json.dumps([as_json(reason) for reason in diagnosis.left_out], ensure_ascii=False)),
@@ -214,11 +214,11 @@ def diagnose_tire(order: DiagnosisOrder, _: Callable[[int], None] = lambda _: No
                     "parameters": json.dumps(plain(parameters), ensure_ascii=False),
                     "reason": joined([finding.reason]) if finding.reason is not None else None,
                     "rms_mps2": finding.rms_mps2,
-                    "diagnosis": whole if number == 0 else None,
+                    "diagnosis": document if number == 0 else None,
                 }
             )
         if not diagnosis.findings:
-            part.row({**common, "diagnosis": whole})
+            part.row({**common, "diagnosis": document})
     return TireOutcome(left_out=tuple(map(text, diagnosis.left_out)))
 
 

@@ -30,7 +30,7 @@ _SINES: Final[FloatArray] = np.sin(np.multiply.outer(_ORDERS, ANGLES_RAD))
 WAVES: Final[FloatArray] = np.concatenate([_COSINES, _SINES])
 """(2 MAX_ORDER, STEPS) curvature of a unit of each order."""
 # Angle of the tangent of a unit of each order, up to the angle at theta = 0.
-_TURNS: Final[FloatArray] = np.concatenate([_SINES / _ORDERS[:, np.newaxis], -_COSINES / _ORDERS[:, np.newaxis]])
+_ROTATIONS: Final[FloatArray] = np.concatenate([_SINES / _ORDERS[:, np.newaxis], -_COSINES / _ORDERS[:, np.newaxis]])
 _SLOPES: Final[FloatArray] = np.concatenate([-_SINES * _ORDERS[:, np.newaxis], _COSINES * _ORDERS[:, np.newaxis]])
 # Places of the cosine and the sine of order 1 among the orders.
 _FIRST: Final = (0, MAX_ORDER)
@@ -111,25 +111,25 @@ def asymmetric_shape(orders: FloatArray, level_rad: float) -> AsymmetricShape:
         level_rad: angle from the contact centre within which the mean direction of the belt is that of the road.
     """
     closed = orders.copy()
-    angle = ANGLES_RAD + closed @ _TURNS
+    angle = ANGLES_RAD + closed @ _ROTATIONS
     for _ in range(_CLOSURE_STEPS):
         tangent = np.exp(1j * angle)
         change = np.linalg.solve(_closing(tangent), -_plane(tangent.mean()))
         closed[list(_FIRST)] += change
-        angle = angle + change @ _TURNS[list(_FIRST)]
+        angle = angle + change @ _ROTATIONS[list(_FIRST)]
     level = level_part(level_rad)
     whole_turns = np.where(level > STEPS // 2, 2.0 * math.pi, 0.0)
     angle = angle - float((angle[level] - whole_turns).mean())
     tangent = np.exp(1j * angle)
-    moved = _TURNS @ (1j * tangent) / STEPS
-    change = -np.linalg.solve(_closing(tangent), np.stack([moved.real, moved.imag])).T
-    turns = _TURNS + change @ _TURNS[list(_FIRST)]
+    gap_by_order = _ROTATIONS @ (1j * tangent) / STEPS
+    change = -np.linalg.solve(_closing(tangent), np.stack([gap_by_order.real, gap_by_order.imag])).T
+    rotations = _ROTATIONS + change @ _ROTATIONS[list(_FIRST)]
     return AsymmetricShape(
         curvature=1.0 + closed @ WAVES,
         bend_rate=closed @ _SLOPES,
         tangent=tangent,
         position=-1j + integral(tangent),
-        turns=turns - turns[:, level].mean(axis=1, keepdims=True),
+        turns=rotations - rotations[:, level].mean(axis=1, keepdims=True),
         bends=WAVES + change @ WAVES[list(_FIRST)],
         bend_rates=_SLOPES + change @ _SLOPES[list(_FIRST)],
     )
@@ -137,8 +137,8 @@ def asymmetric_shape(orders: FloatArray, level_rad: float) -> AsymmetricShape:
 
 def _closing(tangent: ComplexArray) -> FloatArray:
     """Return the derivative of the mean tangent by the cosine and the sine of order 1, (2, 2)."""
-    moved = _TURNS[list(_FIRST)] @ (1j * tangent) / STEPS
-    return np.stack([moved.real, moved.imag])
+    gap_by_order = _ROTATIONS[list(_FIRST)] @ (1j * tangent) / STEPS
+    return np.stack([gap_by_order.real, gap_by_order.imag])
 
 
 def _plane(value: complex) -> FloatArray:

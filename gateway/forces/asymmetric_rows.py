@@ -81,15 +81,15 @@ class FreeMotion(NamedTuple):
 @lru_cache(maxsize=64)
 def free_motion(begin: int) -> FreeMotion:
     """Return the virtual rotations that begin at grid point `begin`."""
-    free = slice(begin, STEPS - begin + 1)
-    angle = ANGLES_RAD[free] - ANGLES_RAD[begin]
+    free_range = slice(begin, STEPS - begin + 1)
+    angle = ANGLES_RAD[free_range] - ANGLES_RAD[begin]
     order = np.arange(1, ROWS + 1)[:, np.newaxis] * (math.pi / angle[-1])
     weights = np.full(len(angle), 2.0 * STEP_RAD / 3.0)
     weights[1::2] *= 2.0
     weights[[0, -1]] *= 0.5
     rotation, slope = np.zeros((2, ROWS, STEPS))
-    rotation[:, free] = np.sin(order * angle) * weights
-    slope[:, free] = order * np.cos(order * angle) * weights
+    rotation[:, free_range] = np.sin(order * angle) * weights
+    slope[:, free_range] = order * np.cos(order * angle) * weights
     return FreeMotion(begin, rotation, slope)
 
 
@@ -119,46 +119,46 @@ def asymmetric_rows(shape: AsymmetricShape, motion: FreeMotion, unknowns: FloatA
     """Return the rows of a belt at `unknowns` (11,), in the order of `U`."""
     tangent = shape.tangent
     normal = 1j * tangent
-    moved = shape.position + unknowns[U.ADVANCE] + 1j * unknowns[U.RISE]
-    turned = np.exp(-1j * unknowns[U.TURN])
-    out, along = RADIAL * turned, ALONG * turned
-    radial, tangential = dot(moved, out) - 1.0, dot(moved, along)
+    position = shape.position + unknowns[U.ADVANCE] + 1j * unknowns[U.RISE]
+    rotation = np.exp(-1j * unknowns[U.TURN])
+    out, rim_tangent = RADIAL * rotation, ALONG * rotation
+    radial, tangential = dot(position, out) - 1.0, dot(position, rim_tangent)
     # Displacements by the three motions, radial and tangential, and themselves: (4, STEPS).
-    turn_radial, turn_tangential = -dot(moved, along), dot(moved, out)
+    turn_radial, turn_tangential = -dot(position, rim_tangent), dot(position, out)
     shifts_radial = np.stack([radial, out.imag, out.real, turn_radial])
-    shifts_tangential = np.stack([tangential, along.imag, along.real, turn_tangential])
+    shifts_tangential = np.stack([tangential, rim_tangent.imag, rim_tangent.real, turn_tangential])
     rates_radial, rates_tangential = derivative(shifts_radial), derivative(shifts_tangential)
     rs, ts, damping = unknowns[U.RS], unknowns[U.TS], unknowns[U.DAMPING]
     pulls_radial = rs * shifts_radial + damping * rates_radial
     pulls_tangential = ts * shifts_tangential + damping * rates_tangential
-    pulls = -(pulls_radial * out + pulls_tangential * along)
+    pulls = -(pulls_radial * out + pulls_tangential * rim_tangent)
     # The turn also rotates the directions in which the sidewall pulls.
-    pulls[3] -= pulls_tangential[0] * out - pulls_radial[0] * along
+    pulls[3] -= pulls_tangential[0] * out - pulls_radial[0] * rim_tangent
     by_stiffness = np.stack(
-        [-radial * out, -tangential * along, -(rates_radial[0] * out + rates_tangential[0] * along)]
+        [-radial * out, -tangential * rim_tangent, -(rates_radial[0] * out + rates_tangential[0] * rim_tangent)]
     )
     # Loads per unit of pressure, Rs, Ts, d, then per unit of y0, x0, chi.
     loads = np.concatenate([(-1j * tangent)[np.newaxis], by_stiffness, pulls[1:]])
-    summed = integral(loads)
-    sections = summed[:, STEPS // 2, np.newaxis] - summed
-    across = dot(sections, normal) @ motion.rotation.T
+    load_integrals = integral(loads)
+    sections = load_integrals[:, STEPS // 2, np.newaxis] - load_integrals
+    shear_work = dot(sections, normal) @ motion.rotation.T
     by_unknown = np.empty((ROWS, len(U)))
     by_unknown[:, U.BS] = motion.slope @ (shape.curvature - 1.0)
     by_unknown[:, U.BENDING_DAMPING] = motion.slope @ shape.bend_rate
-    by_unknown[:, [U.CW, U.RS, U.TS, U.DAMPING, U.RISE, U.ADVANCE, U.TURN]] = -across.T
+    by_unknown[:, [U.CW, U.RS, U.TS, U.DAMPING, U.RISE, U.ADVANCE, U.TURN]] = -shear_work.T
     by_unknown[:, U.TENSION] = motion.rotation @ normal.real
     by_unknown[:, U.SHEAR] = -motion.rotation @ normal.imag
     linear = [U.BS, U.CW, U.RS, U.TS, U.TENSION, U.SHEAR, U.DAMPING, U.BENDING_DAMPING]
     forces = np.zeros(len(Force))
     forces_by_unknown = np.zeros((len(Force), len(U)))
     side = pulls[0]
-    totals, torques = _totals(moved, side[np.newaxis])
+    totals, torques = _totals(position, side[np.newaxis])
     forces[: Force.LOSS] = -totals[0].imag, totals[0].real, torques[0]
-    places = [U.RS, U.TS, U.DAMPING, U.RISE, U.ADVANCE, U.TURN]
-    totals, torques = _totals(moved, np.concatenate([by_stiffness, pulls[1:]]))
+    columns = [U.RS, U.TS, U.DAMPING, U.RISE, U.ADVANCE, U.TURN]
+    totals, torques = _totals(position, np.concatenate([by_stiffness, pulls[1:]]))
     # A shift of the belt also changes the lever of the sidewall's pull.
     lever = np.array([0.0, 0.0, 0.0, *_levers(side)])
-    forces_by_unknown[: Force.LOSS, places] = -totals.imag, totals.real, torques + lever
+    forces_by_unknown[: Force.LOSS, columns] = -totals.imag, totals.real, torques + lever
     rates = rates_radial[0] ** 2 + rates_tangential[0] ** 2
     bends = np.square(shape.bend_rate)
     per_damping, per_bending = STEP_RAD * float(rates.sum()), STEP_RAD * float(bends.sum())
@@ -177,39 +177,39 @@ def row_sensitivity(shape: AsymmetricShape, motion: FreeMotion, unknowns: FloatA
     """
     tangent = shape.tangent
     normal = 1j * tangent
-    moved = shape.position + unknowns[U.ADVANCE] + 1j * unknowns[U.RISE]
-    turned = np.exp(-1j * unknowns[U.TURN])
-    out, along = RADIAL * turned, ALONG * turned
+    position = shape.position + unknowns[U.ADVANCE] + 1j * unknowns[U.RISE]
+    rotation = np.exp(-1j * unknowns[U.TURN])
+    out, rim_tangent = RADIAL * rotation, ALONG * rotation
     cw, rs, ts = unknowns[U.CW], unknowns[U.RS], unknowns[U.TS]
 
     def stiffened(field: ComplexArray) -> ComplexArray:
-        restoring: ComplexArray = -(rs * dot(field, out) * out + ts * dot(field, along) * along)
+        restoring: ComplexArray = -(rs * dot(field, out) * out + ts * dot(field, rim_tangent) * rim_tangent)
         return restoring
 
-    side = -(rs * (dot(moved, out) - 1.0) * out + ts * dot(moved, along) * along)
-    summed = integral(-1j * cw * tangent + side)
-    section = -unknowns[U.TENSION] + 1j * unknowns[U.SHEAR] + summed[STEPS // 2] - summed
+    side = -(rs * (dot(position, out) - 1.0) * out + ts * dot(position, rim_tangent) * rim_tangent)
+    load_integral = integral(-1j * cw * tangent + side)
+    section = -unknowns[U.TENSION] + 1j * unknowns[U.SHEAR] + load_integral[STEPS // 2] - load_integral
     # Virtual displacement, from the first edge up to theta = pi and from the last edge down to it.
     steps = motion.rotation * normal
     virtual = np.cumsum(steps, axis=1) - 0.5 * steps
-    whole = steps.sum(axis=1, keepdims=True)
-    virtual[:, STEPS // 2 :] -= whole
-    virtual[:, STEPS // 2] += 0.5 * whole[:, 0]
+    totals = steps.sum(axis=1, keepdims=True)
+    virtual[:, STEPS // 2 :] -= totals
+    virtual[:, STEPS // 2] += 0.5 * totals[:, 0]
     by_angle = motion.rotation * dot(section, tangent)
     by_angle -= STEP_RAD * (cw * dot(tangent, virtual) + dot(normal, _remaining(stiffened(virtual))))
     bends = unknowns[U.BS] * shape.bends + unknowns[U.BENDING_DAMPING] * shape.bend_rates
     rows = motion.slope @ bends.T + by_angle @ shape.turns.T
     unit = np.ones(STEPS, dtype=np.complex128)
-    levers = -1j * side + stiffened(1j * moved)
+    levers = -1j * side + stiffened(1j * position)
     moving = np.stack([-stiffened(1j * unit), stiffened(unit), levers])
     forces = np.zeros((len(Force), shape.turns.shape[0]))
     forces[: Force.LOSS] = STEP_RAD * dot(normal, _remaining(moving)) @ shape.turns.T
     # Loss: rates of the displacement that the change of the tangent's angle makes.
     damping, bending = unknowns[U.DAMPING], unknowns[U.BENDING_DAMPING]
-    rate_radial = derivative(dot(moved, out))
-    rate_tangential = derivative(dot(moved, along))
-    pulled = -(derivative(rate_radial) * out + derivative(rate_tangential) * along)
-    loss = 2.0 * damping * STEP_RAD * dot(normal, _remaining(pulled[np.newaxis])) @ shape.turns.T
+    rate_radial = derivative(dot(position, out))
+    rate_tangential = derivative(dot(position, rim_tangent))
+    loss_gradient = -(derivative(rate_radial) * out + derivative(rate_tangential) * rim_tangent)
+    loss = 2.0 * damping * STEP_RAD * dot(normal, _remaining(loss_gradient[np.newaxis])) @ shape.turns.T
     bend = -2.0 * bending * STEP_RAD * derivative(shape.bend_rate) @ shape.bends.T
     forces[Force.LOSS] = loss[0] + bend
     return rows, forces
@@ -217,14 +217,14 @@ def row_sensitivity(shape: AsymmetricShape, motion: FreeMotion, unknowns: FloatA
 
 def _remaining(values: ComplexArray) -> ComplexArray:
     """Return the integral from each grid point to the end of the circle, (k, STEPS), by the trapezoidal rule."""
-    ahead = np.cumsum(values[:, ::-1], axis=1)[:, ::-1]
-    result: ComplexArray = STEP_RAD * (ahead - 0.5 * values)
+    tail_sums = np.cumsum(values[:, ::-1], axis=1)[:, ::-1]
+    result: ComplexArray = STEP_RAD * (tail_sums - 0.5 * values)
     return result
 
 
-def _totals(moved: ComplexArray, pulls: ComplexArray) -> tuple[ComplexArray, FloatArray]:
+def _totals(position: ComplexArray, pulls: ComplexArray) -> tuple[ComplexArray, FloatArray]:
     """Return the sums of pulls (k, STEPS) on the belt, and their moments about the axle."""
-    moments = (moved.real * pulls.imag - moved.imag * pulls.real).sum(axis=1)
+    moments = (position.real * pulls.imag - position.imag * pulls.real).sum(axis=1)
     return STEP_RAD * pulls.sum(axis=1), STEP_RAD * moments
 
 

@@ -93,7 +93,7 @@ class AsymmetricSolution:
 
     def noise(self, order_std: FloatArray) -> FloatArray:
         """Return the covariance of the forces by errors of the orders, (ORDER_COUNT,), (4, 4)."""
-        weighted = self.response * _both(order_std)
+        weighted = self.response * _cosine_sine_std(order_std)
         covariance: FloatArray = weighted @ weighted.T
         return covariance
 
@@ -106,7 +106,7 @@ class AsymmetricSolution:
     def tire(self, order_std: FloatArray) -> TirePrior:
         """Return the tire's own unknowns with their covariance, by errors of the orders, priors and model error."""
         rows = list(LASTING)
-        weighted = self.unknown_response[rows] * _both(order_std)
+        weighted = self.unknown_response[rows] * _cosine_sine_std(order_std)
         waves = self._waves() @ self.unknown_response[rows].T
         by_prior = self.unknown_prior_response[rows]
         covariance = weighted @ weighted.T + waves.T @ waves + by_prior @ by_prior.T
@@ -163,15 +163,15 @@ def solve_asymmetric(
     motion = free_motion(free_begin(half_angle_rad))
     level = LEVEL_SHARE * half_angle_rad
     unknowns = _COLD if start is None else start
-    variance = np.square(_both(order_std))
+    variance = np.square(_cosine_sine_std(order_std))
     correction = np.zeros(2 * _HALF)
     for _ in range(_COLD_PASSES if start is None else _WARM_PASSES):
-        shape = asymmetric_shape(_with(orders, correction), level)
+        shape = asymmetric_shape(_add_correction(orders, correction), level)
         rows = asymmetric_rows(shape, motion, unknowns)
         sensitivity, forces_by_order = (part[:, _CORRECTED] for part in row_sensitivity(shape, motion, unknowns))
         step = _step(rows, sensitivity, forces_by_order, correction, variance, unknowns, prior)
         unknowns, correction = unknowns + step.change, step.correction
-    shape = asymmetric_shape(_with(orders, correction), level)
+    shape = asymmetric_shape(_add_correction(orders, correction), level)
     rows = asymmetric_rows(shape, motion, unknowns)
     return AsymmetricSolution(
         unknowns=unknowns,
@@ -213,16 +213,16 @@ def _step(
     # The product of the weighted sensitivity with its transpose is the covariance, but squares the condition number.
     factor = np.asarray(np.linalg.qr((by_order * np.sqrt(variance)).T, mode="r"), dtype=np.float64).T
     whitened = np.linalg.solve(factor, np.column_stack([by_unknown * _UNITS, target, by_order]))
-    jacobian, goal, orders = whitened[:, : len(U)], whitened[:, len(U)], whitened[:, len(U) + 1 :]
-    root, prior_goal = _prior_rows(prior, unknowns)
+    jacobian, whitened_target, orders = whitened[:, : len(U)], whitened[:, len(U)], whitened[:, len(U) + 1 :]
+    root, prior_target = _prior_rows(prior, unknowns)
     basis, upper = np.linalg.qr(np.concatenate([jacobian, root]))
-    change = np.linalg.solve(upper, basis.T @ np.append(goal, prior_goal))
+    change = np.linalg.solve(upper, basis.T @ np.append(whitened_target, prior_target))
     if not np.isfinite(change).all():
         raise np.linalg.LinAlgError("the balance has no solution")
-    remainder = goal - jacobian @ change
+    remainder = whitened_target - jacobian @ change
     change *= min(1.0, _LARGEST_STEP / max(float(np.abs(change).max()), 1e-300))
-    response = -np.linalg.solve(upper, basis[: len(goal)].T @ orders) * _UNITS[:, np.newaxis]
-    by_prior = np.linalg.solve(upper, basis[len(goal) :].T) * _UNITS[:, np.newaxis]
+    response = -np.linalg.solve(upper, basis[: len(whitened_target)].T @ orders) * _UNITS[:, np.newaxis]
+    by_prior = np.linalg.solve(upper, basis[len(whitened_target) :].T) * _UNITS[:, np.newaxis]
     new_correction = variance * (by_order.T @ np.linalg.solve(factor.T, remainder))
     return _Step(change * _UNITS, new_correction, response, by_prior, float(remainder @ remainder) / _FREEDOM)
 
@@ -233,9 +233,9 @@ def _prior_rows(prior: TirePrior | None, unknowns: FloatArray) -> tuple[FloatArr
     bending = np.zeros(len(U))
     bending[U.BENDING_DAMPING] = _UNITS[U.BENDING_DAMPING] / (_BENDING_LOSS * max(abs(float(unknowns[U.BS])), 1e-6))
     rows = [weak, bending[np.newaxis]]
-    wanted = [np.zeros(len(U)), -bending @ (unknowns / _UNITS)[:, np.newaxis]]
+    targets = [np.zeros(len(U)), -bending @ (unknowns / _UNITS)[:, np.newaxis]]
     if prior is not None:
-        rows, wanted = rows[:1], wanted[:1]
+        rows, targets = rows[:1], targets[:1]
         units = _UNITS[list(LASTING)]
         scaled = prior.covariance / np.outer(units, units)
         # The ridge keeps a covariance of rounded numbers positive.
@@ -244,8 +244,8 @@ def _prior_rows(prior: TirePrior | None, unknowns: FloatArray) -> tuple[FloatArr
         root = np.zeros((len(LASTING), len(U)))
         root[:, list(LASTING)] = whitened
         rows.append(root)
-        wanted.append(whitened @ ((prior.mean - unknowns[list(LASTING)]) / units))
-    return np.concatenate(rows), np.concatenate(wanted)
+        targets.append(whitened @ ((prior.mean - unknowns[list(LASTING)]) / units))
+    return np.concatenate(rows), np.concatenate(targets)
 
 
 def _tilt(shape: AsymmetricShape, half_angle_rad: float) -> float:
@@ -253,11 +253,11 @@ def _tilt(shape: AsymmetricShape, half_angle_rad: float) -> float:
     return float(np.angle(shape.tangent[level_part(_OTHER_LEVEL_SHARE * half_angle_rad)]).mean())
 
 
-def _with(orders: FloatArray, correction: FloatArray) -> FloatArray:
+def _add_correction(orders: FloatArray, correction: FloatArray) -> FloatArray:
     corrected = orders.copy()
     corrected[_CORRECTED] += correction
     return corrected
 
 
-def _both(order_std: FloatArray) -> FloatArray:
+def _cosine_sine_std(order_std: FloatArray) -> FloatArray:
     return np.tile(order_std[2:ORDER_COUNT], 2)

@@ -12,7 +12,7 @@ from gateway.core.types import FloatArray
 from gateway.forces.laminate import Laminate, cord_ply, stack
 
 # Relative lower limit of a modulus or thickness within its tolerance.
-_LEAST = 1e-3
+_MIN_FRACTION = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,20 +109,20 @@ def coupling_law(belt: BeltLaminate) -> CouplingLaw:
     by half its change from one standard error below to one above.
     """
     laminate = belt.laminate()
-    moves = [_moved(replace(belt, rubber_pa=_least(belt.rubber_pa, sign * belt.rubber_std_pa)) for sign in (-1.0, 1.0))]
+    moves = [_delta(replace(belt, rubber_pa=_clamp(belt.rubber_pa, sign * belt.rubber_std_pa)) for sign in (-1.0, 1.0))]
     for index, ply in enumerate(belt.plies):
         for lower, upper in _one_by_one(ply):
             moves.append(
-                _moved(
+                _delta(
                     replace(belt, plies=(*belt.plies[:index], changed, *belt.plies[index + 1 :]))
                     for changed in (lower, upper)
                 )
             )
     stds = np.sqrt(np.sum(np.square(moves), axis=0)).tolist()
-    b16, a66, held, released = (
+    b16, a66, length, released_length = (
         Tolerated(value, std) for value, std in zip(_values(laminate).tolist(), stds, strict=True)
     )
-    return CouplingLaw(b16, a66, held, released, float(laminate.stretching[0, 2] / laminate.stretching[2, 2]))
+    return CouplingLaw(b16, a66, length, released_length, float(laminate.stretching[0, 2] / laminate.stretching[2, 2]))
 
 
 def _one_by_one(ply: StatedPly) -> list[tuple[StatedPly, StatedPly]]:
@@ -130,14 +130,14 @@ def _one_by_one(ply: StatedPly) -> list[tuple[StatedPly, StatedPly]]:
     shares = [min(max(ply.cord_share + sign * ply.cord_share_std, 0.0), 1.0) for sign in (-1.0, 1.0)]
     pairs = [
         tuple(replace(ply, angle_rad=ply.angle_rad + sign * ply.angle_std_rad) for sign in (-1.0, 1.0)),
-        tuple(replace(ply, thickness_m=_least(ply.thickness_m, sign * ply.thickness_std_m)) for sign in (-1.0, 1.0)),
-        tuple(replace(ply, cord_pa=_least(ply.cord_pa, sign * ply.cord_std_pa)) for sign in (-1.0, 1.0)),
+        tuple(replace(ply, thickness_m=_clamp(ply.thickness_m, sign * ply.thickness_std_m)) for sign in (-1.0, 1.0)),
+        tuple(replace(ply, cord_pa=_clamp(ply.cord_pa, sign * ply.cord_std_pa)) for sign in (-1.0, 1.0)),
         tuple(replace(ply, cord_share=share) for share in shares),
     ]
     return [(lower, upper) for lower, upper in pairs]
 
 
-def _moved(belts: Iterable[BeltLaminate]) -> FloatArray:
+def _delta(belts: Iterable[BeltLaminate]) -> FloatArray:
     lower, upper = (_values(belt.laminate()) for belt in belts)
     result: FloatArray = 0.5 * (upper - lower)
     return result
@@ -154,5 +154,5 @@ def _values(laminate: Laminate) -> FloatArray:
     )
 
 
-def _least(value: float, change: float) -> float:
-    return max(value + change, _LEAST * value)
+def _clamp(value: float, change: float) -> float:
+    return max(value + change, _MIN_FRACTION * value)

@@ -76,20 +76,20 @@ def solve_brush_on_belt(
         BrushNotConvergedError: sticking and sliding kept alternating.
     """
     size, count = belt.shape[0], len(bound_m)
-    before, feet = foot_unknowns[:-1], foot_unknowns[1:]
+    previous, feet = foot_unknowns[:-1], foot_unknowns[1:]
     share = np.ones(count)
     share[0] = first_fraction
     bristles = np.arange(count)
     push = coo_array((np.full(count, -stiffness_npm), (feet, bristles)), shape=(size, count))
     # Sticking: delta_i - delta_(i-1) + share_i (y_i - y_(i-1)) = share_i step tan(alpha).
     follow = coo_array(
-        (np.concatenate([share, -share]), (np.tile(bristles, 2), np.concatenate([feet, before]))), shape=(count, size)
+        (np.concatenate([share, -share]), (np.tile(bristles, 2), np.concatenate([feet, previous]))), shape=(count, size)
     ).tocsr()
     chain = (eye_array(count) - eye_array(count, k=-1)).tocsr()
     creep = share * step_m * math.tan(slip_angle_rad)
     state = np.zeros(count)
-    seen: set[bytes] = set()
-    for done in range(1, _MAX_PASSES + 1):
+    past_states: set[bytes] = set()
+    for passes in range(1, _MAX_PASSES + 1):
         sticking = diags_array((state == 0.0).astype(np.float64))
         sliding = diags_array(np.abs(state))
         system = block_array([[belt, push], [sticking @ follow, sticking @ chain + sliding]], format="csc")
@@ -97,14 +97,14 @@ def solve_brush_on_belt(
         unknowns, deflection = solution[:size], np.where(state == 0.0, solution[size:], state * bound_m)
         # Deflection of each bristle if it stuck to the road, starting from its neighbour's deflection.
         trial = creep - follow @ unknowns + np.append(0.0, deflection[:-1])
-        wanted = np.where(np.abs(trial) > bound_m, np.sign(trial), 0.0)
-        if np.array_equal(wanted, state):
-            return unknowns, BrushContact(deflection, state != 0.0, done)
-        if wanted.tobytes() in seen:
+        next_state = np.where(np.abs(trial) > bound_m, np.sign(trial), 0.0)
+        if np.array_equal(next_state, state):
+            return unknowns, BrushContact(deflection, state != 0.0, passes)
+        if next_state.tobytes() in past_states:
             # A cycle: change only the foremost bristle that differs, since each bristle depends on those ahead of it.
-            first = int(np.flatnonzero(wanted != state)[0])
-            state = np.concatenate([state[:first], wanted[first : first + 1], state[first + 1 :]])
+            first = int(np.flatnonzero(next_state != state)[0])
+            state = np.concatenate([state[:first], next_state[first : first + 1], state[first + 1 :]])
         else:
-            seen.add(wanted.tobytes())
-            state = wanted
+            past_states.add(next_state.tobytes())
+            state = next_state
     raise BrushNotConvergedError(f"stick and slip of the tread did not converge in {_MAX_PASSES} passes")

@@ -28,7 +28,7 @@ _MEASURED_SHARE: Final = 0.8
 # From here on the scatter of the recordings is hardly by chance, also of two.
 _NOTED_SCATTER: Final = 2.0
 # Relative scatter of a measured load up to which one point stands for its revolutions; beyond it, each band does.
-_MOST_LOAD_SCATTER: Final = 0.1
+_MAX_LOAD_SCATTER: Final = 0.1
 # Width of a band, in the logarithm of the load: the scatter within it is a third of it.
 _LOAD_BAND: Final = 0.15
 # The first revolutions of a wheel are timed without a running average to compare them with.
@@ -57,9 +57,9 @@ def recording_points(
             wheels[result.position].append(result)
     points = []
     for position, results in wheels.items():
-        for part, turns, is_swept in _parts(results, rig):
+        for part, revolutions, is_swept in _parts(results, rig):
             name = f"{path.name} {position}{part}"
-            point = _point(name, turns, rig, is_swept=is_swept)
+            point = _point(name, revolutions, rig, is_swept=is_swept)
             if isinstance(point, str):
                 on_left_out(f"{name}: {point}")
             else:
@@ -69,21 +69,21 @@ def recording_points(
 
 def _parts(results: Sequence[RevolutionResult], rig: RigChannels) -> list[tuple[str, list[RevolutionResult], bool]]:
     """Return a wheel's usable revolutions, by bands of its load where the rig varies it, and whether it does."""
-    good = [result for result in results[_SKIPPED_REVOLUTIONS:] if not result.revolution.faults]
-    channel = _load_at(good, rig)
+    valid = [result for result in results[_SKIPPED_REVOLUTIONS:] if not result.revolution.faults]
+    channel = _rig_load(valid, rig)
     if channel is None:
-        return [("", good, False)]
+        return [("", valid, False)]
     # A load that the rig has measured is that of the revolutions used; those without a value are not used.
-    known = [
+    loaded_results = [
         (result, abs(float(load_n)))
-        for result, load_n in zip(good, channel.values, strict=True)
+        for result, load_n in zip(valid, channel.values, strict=True)
         if np.isfinite(load_n) and load_n
     ]
-    loads_n = np.array([load_n for _, load_n in known])
-    if len(known) < MIN_REVOLUTIONS or loads_n.std() <= _MOST_LOAD_SCATTER * loads_n.mean():
-        return [("", [result for result, _ in known], False)]
+    loads_n = np.array([load_n for _, load_n in loaded_results])
+    if len(loaded_results) < MIN_REVOLUTIONS or loads_n.std() <= _MAX_LOAD_SCATTER * loads_n.mean():
+        return [("", [result for result, _ in loaded_results], False)]
     bands: dict[int, list[tuple[RevolutionResult, float]]] = defaultdict(list)
-    for result, load_n in known:
+    for result, load_n in loaded_results:
         bands[math.floor(math.log(load_n / loads_n.min()) / _LOAD_BAND)].append((result, load_n))
     return [
         (f" at {np.mean([load_n for _, load_n in band]):.0f} N", [result for result, _ in band], True)
@@ -91,55 +91,55 @@ def _parts(results: Sequence[RevolutionResult], rig: RigChannels) -> list[tuple[
     ]
 
 
-def _load_at(results: Sequence[RevolutionResult], rig: RigChannels) -> RigChannel | None:
-    turns = [(result.revolution.start_s, result.revolution.period_s) for result in results]
-    return rig.at(results[0].position, "load", turns) if results else None
+def _rig_load(results: Sequence[RevolutionResult], rig: RigChannels) -> RigChannel | None:
+    intervals_s = [(result.revolution.start_s, result.revolution.period_s) for result in results]
+    return rig.at(results[0].position, "load", intervals_s) if results else None
 
 
 def no_points_error(positions: Sequence[str]) -> TreadlinkError:
     """Return the error where no wheel of any recording can be used."""
-    among = f", and must be one of {', '.join(positions)}." if positions else "."
+    position_hint = f", and must be one of {', '.join(positions)}." if positions else "."
     return TreadlinkError(
         "no wheel of these recordings can be used",
-        f"A wheel needs a stated load, a pressure and {MIN_REVOLUTIONS} valid revolutions{among}",
+        f"A wheel needs a stated load, a pressure and {MIN_REVOLUTIONS} valid revolutions{position_hint}",
     )
 
 
-def _point(name: str, good: Sequence[RevolutionResult], rig: RigChannels, *, is_swept: bool) -> TirePoint | str:
+def _point(name: str, valid: Sequence[RevolutionResult], rig: RigChannels, *, is_swept: bool) -> TirePoint | str:
     """Return the point of a wheel's revolutions, or the reason for leaving it out.
 
     The ring's numbers are averages over revolutions of one load: where it is swept, there are none.
     """
-    channel = _load_at(good, rig)
-    if len(good) < MIN_REVOLUTIONS:
-        beside = "" if channel is None else " with a load of the rig"
-        return f"it has {len(good)} valid revolutions{beside}, {MIN_REVOLUTIONS} are required"
-    conditions = good[-1].conditions
+    channel = _rig_load(valid, rig)
+    if len(valid) < MIN_REVOLUTIONS:
+        rig_note = "" if channel is None else " with a load of the rig"
+        return f"it has {len(valid)} valid revolutions{rig_note}, {MIN_REVOLUTIONS} are required"
+    conditions = valid[-1].conditions
     load_n, load_std_n = conditions.load_n, conditions.load_std_n
     if channel is not None:
         measured = channel.mean()
         load_n, load_std_n = abs(measured.value), measured.std
     if load_n is None:
         return "its load is not stated"
-    pressures = [result.conditions.pressure_pa for result in good if result.conditions.pressure_pa is not None]
+    pressures = [result.conditions.pressure_pa for result in valid if result.conditions.pressure_pa is not None]
     if not pressures:
         return "its pressure is unknown"
-    temperatures = [r.conditions.temperature_degc for r in good if r.conditions.temperature_degc is not None]
+    temperatures = [r.conditions.temperature_degc for r in valid if r.conditions.temperature_degc is not None]
     return TirePoint(
         name=name,
         load_n=load_n,
         load_std_n=load_std_n,
         pressure_pa=float(np.mean(pressures)),
         half_angle_rad=float(
-            np.median([0.5 * (r.revolution.trailing_edge_rad - r.revolution.leading_edge_rad) for r in good])
+            np.median([0.5 * (r.revolution.trailing_edge_rad - r.revolution.leading_edge_rad) for r in valid])
         ),
-        numbers={} if is_swept else {estimate.name: estimate for estimate in good[-1].estimates},
+        numbers={} if is_swept else {estimate.name: estimate for estimate in valid[-1].estimates},
         temperature_degc=float(np.mean(temperatures)) if temperatures else None,
-        half_angle_std_rad=_half_angle_std_rad(good),
+        half_angle_std_rad=_half_angle_std_rad(valid),
     )
 
 
-def _half_angle_std_rad(good: Sequence[RevolutionResult]) -> float:
+def _half_angle_std_rad(valid: Sequence[RevolutionResult]) -> float:
     """Return the error of a half angle that a recording's median still has.
 
     Noise moves an edge in the same direction in every revolution, so that the error of one revolution does not fall
@@ -151,7 +151,7 @@ def _half_angle_std_rad(good: Sequence[RevolutionResult]) -> float:
             error_beyond_definition(result.revolution.leading_edge_std_rad),
             error_beyond_definition(result.revolution.trailing_edge_std_rad),
         )
-        for result in good
+        for result in valid
     ]
     finite = [std for std in stds if math.isfinite(std)]
     return float(np.median(finite)) if finite else 0.0
@@ -162,10 +162,10 @@ def fit_lines(points: Sequence[TirePoint], fit: LoadFit, reference: ReferenceNum
     width = max(len("recording and wheel"), *(len(point.name) for point in points))
     lines = [f"{'recording and wheel':<{width}}   load N  p kPa  half rad      std  fit err  left out"]
     for point, residual, left_out in zip(points, fit.residuals, fit.left_out, strict=True):
-        other = f"{100 * left_out:+6.1f} %" if np.isfinite(left_out) else "       -"
+        left_out_text = f"{100 * left_out:+6.1f} %" if np.isfinite(left_out) else "       -"
         lines.append(
             f"{point.name:<{width}} {point.load_n:8.0f} {1e-3 * point.pressure_pa:6.1f} {point.half_angle_rad:9.4f} "
-            f"{point.half_angle_std_rad:8.4f} {100 * residual:+6.1f} %  {other}"
+            f"{point.half_angle_std_rad:8.4f} {100 * residual:+6.1f} %  {left_out_text}"
         )
     law = fit.calibration
     low, high = (law.load_at(half, law.pressure_pa) for half in law.half_angle_range_rad)
@@ -226,10 +226,10 @@ def calibration_toml(calibration: LoadCalibration, reference: ReferenceNumbers) 
     """Return the tables for the vehicle configuration, checked against its schema."""
     table = LoadCalibrationTable(**table_values(LoadCalibrationTable, calibration))
     tire: dict[str, object] = {"load_calibration": table.model_dump(exclude_none=True)}
-    stated = table_values(Reference, reference)
-    omitted = {f"{name}_std" for name in RING_NUMBERS if name not in stated}
+    reference_values = table_values(Reference, reference)
+    omitted = {f"{name}_std" for name in RING_NUMBERS if name not in reference_values}
     if not is_softening_measured(reference):
         omitted |= {"softening_percent_per_k", "softening_std_percent_per_k"}
-    if any(name in stated for name in RING_NUMBERS) and reference.pressure_pa is not None:
-        tire["reference"] = Reference(**stated).model_dump(include=stated.keys() - omitted)
+    if any(name in reference_values for name in RING_NUMBERS) and reference.pressure_pa is not None:
+        tire["reference"] = Reference(**reference_values).model_dump(include=reference_values.keys() - omitted)
     return toml_text({"tire": tire})

@@ -72,17 +72,17 @@ class CavityEstimator:
         length, length_std = conditions.tire.cavity_length_m, conditions.tire.cavity_length_std_m
         low, high = _ANY_CAVITY_HZ
         if length is not None:
-            share = _LENGTH_STDS * length_std / length
-            low = _sound_mps(_COLDEST_K) / length * (1.0 - share)
-            high = _sound_mps(_WARMEST_K) / length * (1.0 + share)
+            tolerance = _LENGTH_STDS * length_std / length
+            low = _sound_mps(_COLDEST_K) / length * (1.0 - tolerance)
+            high = _sound_mps(_WARMEST_K) / length * (1.0 + tolerance)
         lines = spectral_lines(spectrum, low, min(high, self._spectrum.highest_hz))
         if not lines:
             return tuple(Estimate.invalid(name, Reason(ForceCode.NO_LINE)) for name in NAMES)
         line = lines[0]
         doubts = wheel_order(line.frequency_hz, wheel_hz, spectrum.step_hz)
         # Which of the two is louder is not known: the one that is seen lies anywhere between them.
-        apart = math.hypot(wheel_hz, math.hypot(_HALF_SPLIT_HZ, _HALF_SPLIT_STD_HZ)) - wheel_hz
-        std = math.hypot(line.frequency_std_hz, apart / math.sqrt(3.0))
+        half_width_hz = math.hypot(wheel_hz, math.hypot(_HALF_SPLIT_HZ, _HALF_SPLIT_STD_HZ)) - wheel_hz
+        std = math.hypot(line.frequency_std_hz, half_width_hz / math.sqrt(3.0))
         status = Status.PROVISIONAL if doubts else Status.VALID
         frequency = Estimate(NAMES[0], line.frequency_hz, std, status, doubts)
         if length is None:
@@ -92,18 +92,18 @@ class CavityEstimator:
         kelvin = (line.frequency_hz * length) ** 2 / (_GAMMA * _AIR_JPKGK)
         measured = conditions.temperature_degc
         if measured is None:
-            warm = Estimate(NAMES[1], kelvin - ZERO_CELSIUS_K, relative * kelvin, status, doubts)
-            return (frequency, warm, Estimate.invalid(NAMES[2], Reason(ForceCode.NEEDS_TEMPERATURE)))
+            temperature = Estimate(NAMES[1], kelvin - ZERO_CELSIUS_K, relative * kelvin, status, doubts)
+            return (frequency, temperature, Estimate.invalid(NAMES[2], Reason(ForceCode.NEEDS_TEMPERATURE)))
         at_k = measured + ZERO_CELSIUS_K
         ratio = kelvin / at_k
         ratio_std = ratio * math.hypot(relative, _LINER_TO_GAS_STD_K / at_k)
         if abs(ratio - 1.0) > DETERMINED * ratio_std:
             status = Status.PROVISIONAL
-            against = Reason(
+            contradiction = Reason(
                 ForceCode.CAVITY_CONTRADICTED, measured_degc=measured, found_degc=kelvin - ZERO_CELSIUS_K, ratio=ratio
             )
             # Another gas, or the line of something else: a motor, a road surface.
-            doubts = (against, *doubts)
+            doubts = (contradiction, *doubts)
         return (
             frequency._replace(status=status, reasons=doubts),
             Estimate(NAMES[1], kelvin - ZERO_CELSIUS_K, relative * kelvin, status, doubts),

@@ -14,21 +14,21 @@ from gateway.core.trust.turn_verdict import Gain
 from gateway.core.types import FloatArray
 
 # Standard errors from which a revolution turns.
-_TURNS: Final = 4.0
+_SIGN_STDS: Final = 4.0
 # Time below that ends a curve, the least and the longest of a curve, and the longest between two revolutions.
-_QUIET_S, _LEAST_S, _MOST_S, _GAP_S = 0.4, 0.8, 60.0, 1.0
+_QUIET_S, _MIN_S, _MAX_S, _GAP_S = 0.4, 0.8, 60.0, 1.0
 # Scatter of the ratio of an axle's speeds.
 _RATIO_STD: Final = 1.5e-3
 # Straight revolutions whose mean is zero, and the fewest.
-_ZERO_REVOLUTIONS, _LEAST_STRAIGHT = 100, 10
+_ZERO_REVOLUTIONS, _MIN_STRAIGHT = 100, 10
 # Curves that are kept, and those whose scatter says something.
-_CURVES, _FEW = 64, 5
+_CURVES, _FEW_CURVES = 64, 5
 # Of a curve: angles by wheel and witness, their errors, time, speed squared, and what the zero of the witness counts.
 _SUMS: Final = 7
 # Error of the angle of a curve beyond that stated: one that is the same in no other.
 _OWN_STD: Final = 0.04
 # Scatter of curves over their errors at least: on random tires of finite elements it is 0.45.
-_LEAST_SCATTER: Final = 0.5
+_MIN_SCATTER: Final = 0.5
 # Share of the error of a turn rate that all curves have in common, by the tire's factor of side force, and the latest
 # curves that it is read from: with it, gains of wheels with six such tires are 1.1 errors off rms, 3.0 at most.
 _COMMON, _LATEST = 0.4, 3
@@ -47,7 +47,7 @@ class Rate(NamedTuple):
     @property
     def side(self) -> float:
         """1 in a curve to the left, -1 in one to the right, 0 elsewhere."""
-        return math.copysign(1.0, self.radps) if abs(self.radps) > _TURNS * self.std_radps else 0.0
+        return math.copysign(1.0, self.radps) if abs(self.radps) > _SIGN_STDS * self.std_radps else 0.0
 
 
 def inverse(gain: Gain) -> Gain:
@@ -70,8 +70,8 @@ class CurveGain:
         """
         self._late_s, self._by_speeds = late_s, by_speeds
         self._last_s = -math.inf
-        self._before: deque[tuple[float, ...]] = deque()
-        self._before_s = 0.0
+        self._pending: deque[tuple[float, ...]] = deque()
+        self._pending_s = 0.0
         self._zeros, self._straights = (0.0, 0.0), 0
         self._sums, self._turns_s, self._quiet_s, self._sides = np.zeros(_SUMS), 0.0, 0.0, [0.0, 0.0]
         self._is_mixed = False
@@ -82,7 +82,7 @@ class CurveGain:
         """Add a revolution; return whether a curve ended. Values that are not finite are ignored."""
         if not math.isfinite(read.radps * read.std_radps * witness.radps):
             return False
-        ended = False
+        has_ended = False
         if at_s - self._last_s > _GAP_S:
             self._sums, self._turns_s = np.zeros(_SUMS), 0.0
             self._forget_straight()
@@ -99,59 +99,59 @@ class CurveGain:
         )
         sides = [read.side, witness.side]
         if self._by_speeds:
-            has_zero = self._straights >= _LEAST_STRAIGHT
+            has_zero = self._straights >= _MIN_STRAIGHT
             sides[1] = Rate(witness.radps - self._zeros[1], _RATIO_STD).side if has_zero else 0.0
         if any(sides) or self._turns_s:
-            if self._turns_s and any(now * before < 0.0 for now, before in zip(sides, self._sides, strict=True)):
+            if self._turns_s and any(side * previous < 0.0 for side, previous in zip(sides, self._sides, strict=True)):
                 # What a late witness has of one curve is in the next one.
                 is_mixed = self._late_s > 0.0
-                ended = self._end(is_mixed=is_mixed)
-                self._begin(is_mixed=is_mixed)
+                has_ended = self._end_curve(is_mixed=is_mixed)
+                self._begin_curve(is_mixed=is_mixed)
             elif not self._turns_s:
-                self._begin()
-            self._sides = [now or before for now, before in zip(sides, self._sides, strict=True)]
+                self._begin_curve()
+            self._sides = [side or previous for side, previous in zip(sides, self._sides, strict=True)]
             self._sums = self._sums + np.array(values)
             self._turns_s += period_s if any(sides) else 0.0
             # A late witness turns on.
-            turns = sides[0] if self._sides[0] else sides[1]
-            self._quiet_s = 0.0 if turns else self._quiet_s + period_s
+            side = sides[0] if self._sides[0] else sides[1]
+            self._quiet_s = 0.0 if side else self._quiet_s + period_s
             if self._quiet_s >= max(_QUIET_S, self._late_s):
-                ended = self._end()
-            elif self._sums[4] > _MOST_S:
+                has_ended = self._end_curve()
+            elif self._sums[4] > _MAX_S:
                 # A roundabout, or a zero that has changed.
                 self._turns_s, self._straights = 0.0, 0
         else:
             self._go_straight(values)
-        return ended
+        return has_ended
 
     def _go_straight(self, values: tuple[float, ...]) -> None:
-        self._before.append(values)
-        self._before_s += values[4]
-        while self._before and self._before_s > self._late_s:
-            read, witness, _, _, lasts_s, _, scaled_s = self._before.popleft()
-            self._before_s -= lasts_s
+        self._pending.append(values)
+        self._pending_s += values[4]
+        while self._pending and self._pending_s > self._late_s:
+            angle, witness, _, _, duration_s, _, scaled_s = self._pending.popleft()
+            self._pending_s -= duration_s
             self._straights += 1
-            share = 1.0 / min(self._straights, _ZERO_REVOLUTIONS)
-            of_read, of_witness = self._zeros
-            of_read += share * (read / lasts_s - of_read)
-            self._zeros = of_read, of_witness + share * (witness / scaled_s - of_witness)
+            weight = 1.0 / min(self._straights, _ZERO_REVOLUTIONS)
+            rate_zero, witness_zero = self._zeros
+            rate_zero += weight * (angle / duration_s - rate_zero)
+            self._zeros = rate_zero, witness_zero + weight * (witness / scaled_s - witness_zero)
 
     def _forget_straight(self) -> None:
-        self._before.clear()
-        self._before_s = 0.0
+        self._pending.clear()
+        self._pending_s = 0.0
 
-    def _begin(self, *, is_mixed: bool = False) -> None:
-        self._sums, self._sides = sum(map(np.array, self._before), np.zeros(_SUMS)), [0.0, 0.0]
+    def _begin_curve(self, *, is_mixed: bool = False) -> None:
+        self._sums, self._sides = sum(map(np.array, self._pending), np.zeros(_SUMS)), [0.0, 0.0]
         self._forget_straight()
         self._quiet_s, self._is_mixed = 0.0, is_mixed
 
-    def _end(self, *, is_mixed: bool = False) -> bool:
+    def _end_curve(self, *, is_mixed: bool = False) -> bool:
         """Take the curve that ends, unless it is mixed with another one; return whether it was taken."""
         sums, turns_s, self._turns_s = self._sums, self._turns_s, 0.0
         if is_mixed or self._is_mixed:
             return False
         # Rates by signals have zeros within their errors.
-        if turns_s < _LEAST_S or (self._by_speeds and self._straights < _LEAST_STRAIGHT):
+        if turns_s < _MIN_S or (self._by_speeds and self._straights < _MIN_STRAIGHT):
             return False
         sums[:2] -= self._zeros * sums[[4, 6]]
         self._curves.append(sums)
@@ -160,23 +160,23 @@ class CurveGain:
 
     def _fitted(self, curves: FloatArray) -> Gain:
         """Return the gain by curves, (n, 7) sums over the time of each."""
-        read, witness, read_std, witness_std, lasts, squares, _ = curves.T
-        variances = read_std**2 + witness_std**2 + (_OWN_STD * np.maximum(np.abs(read), _OWN_STD)) ** 2
+        angle, witness, angle_std, witness_std, durations_s, squares, _ = curves.T
+        variances = angle_std**2 + witness_std**2 + (_OWN_STD * np.maximum(np.abs(angle), _OWN_STD)) ** 2
         # Share of the witness in the errors: the line lies between both regressions (Deming).
-        share = float(np.sum(witness_std**2 / variances) / np.sum(read_std**2 / variances + 1e-12))
+        share = float(np.sum(witness_std**2 / variances) / np.sum(angle_std**2 / variances + 1e-12))
         loads, odds, values, stds = (_LOADS if self._by_speeds else np.zeros(1)), [], [], []
         for load in loads:
-            turned = witness / (1.0 + load * squares / lasts)
-            rr, ww, rw = (float(np.sum(a * b / variances)) for a, b in ((read, read), (turned, turned), (read, turned)))
+            model = witness / (1.0 + load * squares / durations_s)
+            rr, ww, rw = (float(np.sum(a * b / variances)) for a, b in ((angle, angle), (model, model), (angle, model)))
             if not ww or not rw:
                 return Gain(curves=len(curves))
-            apart = share * rr - ww
-            value = rw / ww if not share else (apart + math.sqrt(apart**2 + 4.0 * share * rw**2)) / (2.0 * share * rw)
-            rest = float(np.sum((read - value * turned) ** 2 / variances))
+            excess = share * rr - ww
+            value = rw / ww if not share else (excess + math.sqrt(excess**2 + 4.0 * share * rw**2)) / (2.0 * share * rw)
+            misfit = float(np.sum((angle - value * model) ** 2 / variances))
             values.append(value)
-            scatter = 1.0 if len(curves) < _FEW else max(math.sqrt(rest / (len(curves) - 1)), _LEAST_SCATTER)
+            scatter = 1.0 if len(curves) < _FEW_CURVES else max(math.sqrt(misfit / (len(curves) - 1)), _MIN_SCATTER)
             stds.append(scatter / math.sqrt(ww))
-            odds.append(-0.5 * ((load - _BY_LOAD[0]) / _BY_LOAD[1]) ** 2 - 0.5 * rest)
+            odds.append(-0.5 * ((load - _BY_LOAD[0]) / _BY_LOAD[1]) ** 2 - 0.5 * misfit)
         weights = np.exp(np.array(odds) - max(odds))
         weights /= weights.sum()
         mean = float(weights @ values)
@@ -184,5 +184,5 @@ class CurveGain:
         latest = curves[-_LATEST:]
         common = _COMMON * latest[:, 2:4].sum(axis=0) / (np.abs(latest[:, :2]).sum(axis=0) + 1e-9)
         std = math.hypot(std, mean * common[0], mean * common[1] if not self._by_speeds else 0.0)
-        correlation = float(np.sum(read * witness)) / math.sqrt(float(np.sum(read**2) * np.sum(witness**2)))
+        correlation = float(np.sum(angle * witness)) / math.sqrt(float(np.sum(angle**2) * np.sum(witness**2)))
         return Gain(mean, std, len(curves), abs(correlation) > 0.5)

@@ -67,16 +67,16 @@ def all_rows(half_angle_rad: float) -> FloatArray:
 @lru_cache(maxsize=64)
 def _rows(begin: int) -> FloatArray:
     span = (_STEPS - 2 * begin) * _STEP_RAD
-    along = np.clip((_ANGLES_RAD - begin * _STEP_RAD) / span, 0.0, 1.0) * math.pi
-    window = np.sin(along) ** 4
-    waves = np.multiply.outer(np.arange(1, _WAVES + 1), along)
+    phase = np.clip((_ANGLES_RAD - begin * _STEP_RAD) / span, 0.0, 1.0) * math.pi
+    window = np.sin(phase) ** 4
+    waves = np.multiply.outer(np.arange(1, _WAVES + 1), phase)
     virtual = window * np.concatenate([np.cos(waves), np.sin(waves)])
     # The operator is symmetric, so it may act on the virtual displacement.
     order = np.fft.fftfreq(_STEPS, 1.0 / _STEPS)
     factor = 1.0 + _TENSION * order**2 + _BENDING * order**4
-    pulled = np.fft.ifft(np.fft.fft(virtual, axis=1) * factor, axis=1).real
-    work = pulled @ _SHAPES.T
-    unknowns = pulled @ np.stack([np.ones(_STEPS), np.cos(_ANGLES_RAD), np.sin(_ANGLES_RAD)], axis=1)
+    loads = np.fft.ifft(np.fft.fft(virtual, axis=1) * factor, axis=1).real
+    work = loads @ _SHAPES.T
+    unknowns = loads @ np.stack([np.ones(_STEPS), np.cos(_ANGLES_RAD), np.sin(_ANGLES_RAD)], axis=1)
     first = (_NUMBERS == 1.0).nonzero()[0]
     ignored = np.concatenate([first, len(_NUMBERS) + first])
     work[:, ignored] = 0.0

@@ -51,15 +51,15 @@ class FrictionUseEstimator(RevolutionEstimator):
     name = "friction"
 
     def _estimates(self, block: RevolutionBlock, index: int) -> tuple[Estimate, ...]:
-        return _used(block.conditions[index], block.averages.edges_rad[index])
+        return _use_estimates(block.conditions[index], block.averages.edges_rad[index])
 
 
-def _used(conditions: TireConditions, edges_rad: tuple[float, float]) -> tuple[Estimate, ...]:
-    along = conditions.given.get("longitudinal-force")
-    if along is None:
-        needs = Reason(EstimateCode.NEEDS_ESTIMATOR, estimator="longitudinal-force")
-        return tuple(Estimate.invalid(name, needs) for name in NAMES)
-    pull = along["longitudinal_ratio"]
+def _use_estimates(conditions: TireConditions, edges_rad: tuple[float, float]) -> tuple[Estimate, ...]:
+    longitudinal = conditions.given.get("longitudinal-force")
+    if longitudinal is None:
+        missing = Reason(EstimateCode.NEEDS_ESTIMATOR, estimator="longitudinal-force")
+        return tuple(Estimate.invalid(name, missing) for name in NAMES)
+    pull = longitudinal["longitudinal_ratio"]
     side = _side_ratio(conditions)
     return _friction(pull, side), _sliding(conditions, pull, side, 0.5 * (edges_rad[1] - edges_rad[0]))
 
@@ -78,15 +78,15 @@ def _friction(pull: Estimate, side: Estimate | None) -> Estimate:
     if pull.status is Status.INVALID:
         return Estimate.invalid(NAMES[0], *pull.reasons)
     if side is None:
-        only = Reason(ForceCode.FRICTION_OF_LONGITUDINAL_ONLY)
-        return Estimate(NAMES[0], abs(pull.value), pull.std, Status.PROVISIONAL, (only, *pull.reasons))
-    used = math.hypot(pull.value, side.value)
+        reason = Reason(ForceCode.FRICTION_OF_LONGITUDINAL_ONLY)
+        return Estimate(NAMES[0], abs(pull.value), pull.std, Status.PROVISIONAL, (reason, *pull.reasons))
+    resultant = math.hypot(pull.value, side.value)
     # Near zero the size of a vector has the error of its parts.
-    share = (pull.value / used) ** 2 if used > 0.0 else 0.5
+    share = (pull.value / resultant) ** 2 if resultant > 0.0 else 0.5
     std = math.sqrt(share * pull.std**2 + (1.0 - share) * side.std**2)
     reasons = tuple(dict.fromkeys((*pull.reasons, *side.reasons)))
-    both = pull.status is Status.VALID and side.status is Status.VALID
-    return Estimate(NAMES[0], used, std, Status.VALID if both else Status.PROVISIONAL, reasons)
+    is_valid = pull.status is Status.VALID and side.status is Status.VALID
+    return Estimate(NAMES[0], resultant, std, Status.VALID if is_valid else Status.PROVISIONAL, reasons)
 
 
 def _sliding(conditions: TireConditions, pull: Estimate, side: Estimate | None, half_angle_rad: float) -> Estimate:
@@ -105,8 +105,8 @@ def _sliding(conditions: TireConditions, pull: Estimate, side: Estimate | None, 
     # A moment that turns the tire against its side force.
     trail = -moment.value / force
     trail_std = math.hypot(moment.std / force, trail * force_std / force)
-    whole = half_angle_rad * conditions.radius_m / 3.0
-    ratio, ratio_std = trail / whole, math.hypot(trail_std / whole, _TRAIL_STD * trail / whole)
+    full_trail = half_angle_rad * conditions.radius_m / 3.0
+    ratio, ratio_std = trail / full_trail, math.hypot(trail_std / full_trail, _TRAIL_STD * trail / full_trail)
     shares = [[share_of_trail(r, n) for n in _EXPONENTS] for r in (ratio + ratio_std, ratio, ratio - ratio_std)]
     value = 0.5 * sum(shares[1])
     by_shape = 0.5 * abs(shares[1][0] - shares[1][1])
@@ -142,9 +142,9 @@ def _brush(exponent: float) -> tuple[FloatArray, FloatArray]:
         if index == 0:
             deflection = 1.0 + position
         else:
-            begin = 1.0 - 2.0 * float(share)
-            slope = (1.0 - abs(begin) ** exponent) / (1.0 + begin) if begin > -1.0 else math.inf
-            deflection = np.where(position < begin, slope * (1.0 + position), limit) if begin > -1.0 else limit
+            onset = 1.0 - 2.0 * float(share)
+            slope = (1.0 - abs(onset) ** exponent) / (1.0 + onset) if onset > -1.0 else math.inf
+            deflection = np.where(position < onset, slope * (1.0 + position), limit) if onset > -1.0 else limit
         ratios[index] = 3.0 * float(np.trapezoid(deflection * position) / np.trapezoid(deflection))
     # Numbers of the grid's accuracy may not fall strictly.
     ratios = np.minimum.accumulate(ratios)

@@ -63,8 +63,8 @@ class Ply:
         )
         c, s = math.cos(self.angle_rad), math.sin(self.angle_rad)
         # Strain in the cords' axes from strain in the belt's axes, engineering shear.
-        turn = np.array([[c * c, s * s, c * s], [s * s, c * c, -c * s], [-2.0 * c * s, 2.0 * c * s, c * c - s * s]])
-        result: FloatArray = turn.T @ cord_stiffness @ turn / denominator
+        to_cord = np.array([[c * c, s * s, c * s], [s * s, c * c, -c * s], [-2.0 * c * s, 2.0 * c * s, c * c - s * s]])
+        result: FloatArray = to_cord.T @ cord_stiffness @ to_cord / denominator
         return result
 
 

@@ -178,11 +178,11 @@ def _assemble(ring: RingSolution, belt: LateralBelt, step: float) -> tuple[csc_a
     """
     nodes = len(ring.theta_rad)
     node = np.arange(nodes)
-    after = np.roll(node, -1)
-    change = 0.5 * (ring.curvature_pm + ring.curvature_pm[after]) - 1.0 / ring.ring.radius_m
+    next_node = np.roll(node, -1)
+    change = 0.5 * (ring.curvature_pm + ring.curvature_pm[next_node]) - 1.0 / ring.ring.radius_m
     shear, tension = belt.shear_stiffness_n, ring_tension(ring)
     # Derivatives of each element's strains y' - psi, psi' and y' by its four unknowns.
-    unknowns = np.stack([node, after, nodes + node, nodes + after])
+    unknowns = np.stack([node, next_node, nodes + node, nodes + next_node])
     sheared = np.array([-1.0 / step, 1.0 / step, -0.5, -0.5])
     bent = np.array([0.0, 0.0, -1.0 / step, 1.0 / step])
     pulled = np.array([-1.0 / step, 1.0 / step, 0.0, 0.0])
@@ -203,6 +203,6 @@ def _assemble(ring: RingSolution, belt: LateralBelt, step: float) -> tuple[csc_a
         (shear * belt.coupling_length_m, sheared),
         (belt.bending_stiffness_nm2 * belt.conicity_rad, bent),
     ):
-        for unknown, share in zip(unknowns, strain, strict=True):
-            np.add.at(load, unknown, -weight * share * step * change)
+        for unknown, coefficient in zip(unknowns, strain, strict=True):
+            np.add.at(load, unknown, -weight * coefficient * step * change)
     return matrix, load

@@ -39,11 +39,11 @@ CIRCUMFERENTIAL, LATERAL, RADIAL = range(3)
 # Reach ahead of the leading edge in which the belt turns: several times its bending length.
 _AHEAD_RAD: Final = 0.8
 # Shorter contacts span too few grid points for a slope.
-_LEAST_CONTACT_RAD: Final = 0.08
+_MIN_CONTACT_RAD: Final = 0.08
 
 _SIZE: Final = 2 * len(ORDERS)
 # Names of what estimators of a block share.
-_COEFFICIENTS, _TURNS = "lateral coefficients", "turns"
+_COEFFICIENTS_KEY, _TURNS_KEY = "lateral coefficients", "turns"
 FIRST_ORDER: Final = [0, len(ORDERS)]
 """Places of cosine and sine of the first order in a record."""
 # The grid starts at -pi, so odd orders change sign.
@@ -153,8 +153,8 @@ class _Part:
         self._scatter: tuple[FloatArray, FloatArray] | None = None
         if measured is not None:
             # What is filled of a revolution does not scatter: the rest stands for it too.
-            before = np.concatenate([mean[np.newaxis], self.means[:-1]])
-            self._scatter = (values - before)[:, :_SIZE], (1.0 - np.array(weights)) / np.array(measured)
+            previous_means = np.concatenate([mean[np.newaxis], self.means[:-1]])
+            self._scatter = (values - previous_means)[:, :_SIZE], (1.0 - np.array(weights)) / np.array(measured)
 
     def spread(self, row: int) -> FloatArray:
         """Return the spread of the lateral coefficients after a revolution, (2 k, 2 k)."""
@@ -224,26 +224,26 @@ class LateralAverage:
         tilts = np.array([roll.rad for roll in rolls])
         values = np.concatenate([_unrolled(raw_m, tilts), tilts[:, np.newaxis]], axis=1)
         values[:, FIRST_ORDER] -= [turn.remove_m for turn in turns]
-        carried = [min(revolution.order_max, ORDERS.stop - 1) for revolution in revolutions]
+        max_orders = [min(revolution.order_max, ORDERS.stop - 1) for revolution in revolutions]
         own_m, own_radial_m = values[:, :_SIZE], values[:, _SIZE : 2 * _SIZE]
         steps = LateralSteps(own_m, own_radial_m, np.empty((len(taken), _SIZE)), rolls, [], [], [], turns, [])
         first = 0
         for end in range(1, len(taken) + 1):
-            if end == len(taken) or carried[end] != carried[first]:
-                self._add(values, revolutions, slice(first, end), carried[first], steps)
+            if end == len(taken) or max_orders[end] != max_orders[first]:
+                self._add(values, revolutions, slice(first, end), max_orders[first], steps)
                 first = end
         return steps
 
     def _add(
-        self, values: FloatArray, revolutions: Sequence[Revolution], rows: slice, carried: int, steps: LateralSteps
+        self, values: FloatArray, revolutions: Sequence[Revolution], rows: slice, max_order: int, steps: LateralSteps
     ) -> None:
-        """Add revolutions that carry orders up to `carried`."""
+        """Add revolutions that carry orders up to `max_order`."""
         part_values = values[rows]
-        if carried < ORDERS.stop - 1:
+        if max_order < ORDERS.stop - 1:
             # Orders that the sampling does not carry at this speed keep their average.
-            absent = np.append(np.tile(np.asarray(ORDERS) > carried, 6), False)
+            absent = np.append(np.tile(np.asarray(ORDERS) > max_order, 6), False)
             part_values = np.where(absent, self._mean, part_values)
-        self._order_max = max(self._order_max, carried)
+        self._order_max = max(self._order_max, max_order)
         scalars = []
         measured = measured_shares(revolutions[rows])
         for revolution, share in zip(revolutions[rows], measured or (1.0,) * len(part_values), strict=True):
@@ -252,15 +252,15 @@ class LateralAverage:
             self._weight_square = (1.0 - weight) ** 2 * self._weight_square + weight * weight / share
             self._noise += weight * (_noise_variance(revolution) - self._noise)
             scalars.append((self.count, weight, self._weight_square, self._noise))
-            before, latest = self._turn_std_m, steps.turns[len(steps.turn_std_m)].remove_std_m
+            previous, latest = self._turn_std_m, steps.turns[len(steps.turn_std_m)].remove_std_m
             self._turn_std_m = (
-                before[0] + weight * (latest[0] - before[0]),
-                before[1] + weight * (latest[1] - before[1]),
+                previous[0] + weight * (latest[0] - previous[0]),
+                previous[1] + weight * (latest[1] - previous[1]),
             )
             steps.turn_std_m.append(self._turn_std_m)
         part = _Part(self._mean, self._spread, part_values, [weight for _, weight, *_ in scalars], measured)
-        late = np.array([roll.rad for roll in steps.roll[rows]]) - part.means[:, -1]
-        steps.mean_m[rows] = part.means[:, :_SIZE] - late[:, np.newaxis] * part.means[:, _SIZE : 2 * _SIZE]
+        roll_lag = np.array([roll.rad for roll in steps.roll[rows]]) - part.means[:, -1]
+        steps.mean_m[rows] = part.means[:, :_SIZE] - roll_lag[:, np.newaxis] * part.means[:, _SIZE : 2 * _SIZE]
         for row, state in enumerate(scalars):
             steps.order_max.append(self._order_max)
             steps.effective_counts.append(1.0 / state[2])
@@ -285,15 +285,15 @@ def _record(
 
 def turns_of(block: RevolutionBlock, taken: Sequence[int], tracker: TurnTracker) -> Sequence[Turn]:
     """Return the turns of the revolutions `taken` of a block, the same ones to all of its estimators."""
-    turns: list[Turn] | None = block.shared.get(_TURNS)
+    turns: list[Turn] | None = block.shared.get(_TURNS_KEY)
     if turns is None:
         raw_m = _shared_coefficients(block, taken)
-        turns = [_turn_of(block, index, raw_m[row], tracker) for row, index in enumerate(taken)]
-        block.shared[_TURNS] = turns
+        turns = [_tracked_turn(block, index, raw_m[row], tracker) for row, index in enumerate(taken)]
+        block.shared[_TURNS_KEY] = turns
     return turns
 
 
-def _turn_of(block: RevolutionBlock, index: int, raw_m: FloatArray, tracker: TurnTracker) -> Turn:
+def _tracked_turn(block: RevolutionBlock, index: int, raw_m: FloatArray, tracker: TurnTracker) -> Turn:
     """Return the turn of a revolution by its raw coefficients."""
     revolution, conditions = block.revolutions[index], block.conditions[index]
     edges = contact_edges(block.averages.edges_rad[index], conditions)
@@ -306,13 +306,13 @@ def _turn_of(block: RevolutionBlock, index: int, raw_m: FloatArray, tracker: Tur
     )
 
 
-def _shared_coefficients(block: RevolutionBlock, taken: Sequence[int]) -> FloatArray:
+def _shared_coefficients(block: RevolutionBlock, selected: Sequence[int]) -> FloatArray:
     """Return the raw coefficients of a block, which all of its estimators share."""
-    raw_m: FloatArray | None = block.shared.get(_COEFFICIENTS)
+    raw_m: FloatArray | None = block.shared.get(_COEFFICIENTS_KEY)
     if raw_m is None:
-        raw_m = _coefficients(block.arrays, taken, [block.revolutions[index] for index in taken])
+        raw_m = _coefficients(block.arrays, selected, [block.revolutions[index] for index in selected])
         raw_m.setflags(write=False)
-        block.shared[_COEFFICIENTS] = raw_m
+        block.shared[_COEFFICIENTS_KEY] = raw_m
     return raw_m
 
 
@@ -323,36 +323,36 @@ def lateral_record(revolution: Revolution, roll_rad: float) -> LateralRecord:
     """
     raw_m = _coefficients(RevolutionArrays([revolution]), [0], [revolution])
     flat = _unrolled(raw_m, np.array([roll_rad]))[0]
-    lateral, radial, along = flat.reshape(3, _SIZE)
+    lateral, radial, circumferential = flat.reshape(3, _SIZE)
     order_max = min(revolution.order_max, ORDERS.stop - 1)
-    return LateralRecord(lateral, radial, along, _noise_variance(revolution) * np.eye(_SIZE), order_max)
+    return LateralRecord(lateral, radial, circumferential, _noise_variance(revolution) * np.eye(_SIZE), order_max)
 
 
-def _coefficients(arrays: RevolutionArrays, taken: Sequence[int], revolutions: Sequence[Revolution]) -> FloatArray:
+def _coefficients(arrays: RevolutionArrays, selected: Sequence[int], revolutions: Sequence[Revolution]) -> FloatArray:
     """Return raw coefficients, (m, 8 k) m: lateral, what a roll adds, radial and circumferential axis.
 
     The last two are for errors and small corrections only, for which the change of speed within a revolution does not
     matter.
     """
-    indices = np.array(taken)
-    whole = len(taken) == len(arrays.axes_mps2)
-    axes = arrays.axes_mps2 if whole else arrays.axes_mps2[indices]
-    in_plane = arrays.in_plane_mps2 if whole else arrays.in_plane_mps2[indices]
-    both = axes[:, [LATERAL, RADIAL]]
+    indices = np.array(selected)
+    is_whole_block = len(selected) == len(arrays.axes_mps2)
+    axes = arrays.axes_mps2 if is_whole_block else arrays.axes_mps2[indices]
+    in_plane = arrays.in_plane_mps2 if is_whole_block else arrays.in_plane_mps2[indices]
+    lateral_radial = axes[:, [LATERAL, RADIAL]]
     # Offset and camber do not grow with the speed, so they are removed before the acceleration is corrected.
-    both -= both.mean(axis=2, keepdims=True)
-    both *= acceleration_gains(revolutions, axes.shape[2])[:, np.newaxis]
+    lateral_radial -= lateral_radial.mean(axis=2, keepdims=True)
+    lateral_radial *= acceleration_gains(revolutions, axes.shape[2])[:, np.newaxis]
     others = in_plane[:, ::-1, ORDERS.start : ORDERS.stop] * _SIGNS
     others[np.isnan(others)] = 0.0
-    result = np.empty((len(taken), 8, len(ORDERS)))
-    result[:, :4] = lateral_coefficients(both).reshape(-1, 4, len(ORDERS))
+    result = np.empty((len(selected), 8, len(ORDERS)))
+    result[:, :4] = lateral_coefficients(lateral_radial).reshape(-1, 4, len(ORDERS))
     result[:, 4::2] = others.real
     result[:, 5::2] = -others.imag
     result /= np.square([revolution.omega_radps for revolution in revolutions])[:, np.newaxis, np.newaxis]
-    carried = np.array([revolution.order_max for revolution in revolutions])
-    if carried.min() < ORDERS.stop - 1:
-        result *= np.asarray(ORDERS) <= carried[:, np.newaxis, np.newaxis]
-    return result.reshape(len(taken), -1)
+    max_orders = np.array([revolution.order_max for revolution in revolutions])
+    if max_orders.min() < ORDERS.stop - 1:
+        result *= np.asarray(ORDERS) <= max_orders[:, np.newaxis, np.newaxis]
+    return result.reshape(len(selected), -1)
 
 
 def _unrolled(raw_m: FloatArray, tilts_rad: FloatArray) -> FloatArray:
@@ -394,14 +394,14 @@ def why_unusable(block: RevolutionBlock, index: int) -> Reason | None:
 def lateral_rows(block: RevolutionBlock) -> tuple[list[bool], list[Reason | None], list[int]]:
     """Return which revolutions have a lateral axis, why they must not be averaged, and indices of those that may."""
     lateral = [has_lateral(revolution) for revolution in block.revolutions]
-    unusable = [why_unusable(block, index) if has else None for index, has in enumerate(lateral)]
-    return lateral, unusable, [index for index, has in enumerate(lateral) if has and unusable[index] is None]
+    unusable = [why_unusable(block, index) if has_axis else None for index, has_axis in enumerate(lateral)]
+    return lateral, unusable, [index for index, has_axis in enumerate(lateral) if has_axis and unusable[index] is None]
 
 
 def contact_edges(edges_rad: tuple[float, float], conditions: TireConditions) -> tuple[float, float] | Reason:
     """Return the contact edges that slopes are taken between, or why there are none."""
     leading, trailing = edges_rad
-    if not (-math.pi < leading < trailing < math.pi and trailing - leading > _LEAST_CONTACT_RAD):
+    if not (-math.pi < leading < trailing < math.pi and trailing - leading > _MIN_CONTACT_RAD):
         return Reason(EstimateCode.NO_CONTACT_EDGES)
     return (leading, trailing) if conditions.radius_m > 0.0 else Reason(EstimateCode.SPEED_OR_RADIUS_UNKNOWN)
 
@@ -436,8 +436,8 @@ def slopes(record: LateralRecord, edges_rad: tuple[float, float], radius_m: floa
     )
     before_edge = int(np.searchsorted(angles, max(leading - _AHEAD_RAD, -math.pi)))
     lean = before_edge + int(slope[before_edge : start + 1].argmin())
-    ahead = min(_vertex(angles, -slope, lean), leading)
-    ahead_row = -slope_row(ahead, radius_m)
+    lean_rad = min(_vertex(angles, -slope, lean), leading)
+    ahead_row = -slope_row(lean_rad, radius_m)
     return Slopes(rows @ record.lateral_m, rows, (first, last), parity_rows @ record.lateral_m, parity_rows, ahead_row)
 
 
@@ -491,10 +491,10 @@ def acceleration_gains(revolutions: Sequence[Revolution], n: int) -> FloatArray:
     rows = []
     for revolution in revolutions:
         period, acceleration = revolution.period_s, revolution.omega_dot_radps2
-        turn = period / (2.0 * math.pi)
-        rate = 1.0 / turn - 0.5 * acceleration * period
+        s_per_rad = period / (2.0 * math.pi)
+        rate = 1.0 / s_per_rad - 0.5 * acceleration * period
         if math.isfinite(acceleration) and rate > 0.0 and rate + acceleration * period > 0.0:
-            rows.append(((rate * turn) ** 2, 2.0 * acceleration * turn**2))
+            rows.append(((rate * s_per_rad) ** 2, 2.0 * acceleration * s_per_rad**2))
         else:
             rows.append((1.0, 0.0))
     # The square of the speed over the mean speed is linear in the angle.
@@ -512,10 +512,10 @@ def _vertex(angles: FloatArray, height: FloatArray, top: int) -> float:
     return float(angles[top] + np.clip(shift, -1.0, 1.0) * (angles[1] - angles[0]))
 
 
-def _zero(angles: FloatArray, slope: FloatArray, before: int) -> float:
+def _zero(angles: FloatArray, slope: FloatArray, index: int) -> float:
     """Return the angle at which the slope crosses zero between a grid point and the next."""
-    share = slope[before] / (slope[before] - slope[before + 1])
-    return float(angles[before] + share * (angles[before + 1] - angles[before]))
+    share = slope[index] / (slope[index] - slope[index + 1])
+    return float(angles[index] + share * (angles[index + 1] - angles[index]))
 
 
 _Steps = TypeVar("_Steps")
@@ -526,31 +526,31 @@ class LateralAxisEstimator(BlockEstimator, Generic[_Steps]):
 
     def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
         """Take revolutions and return the estimates after each."""
-        lateral, unusable, taken = lateral_rows(block)
-        steps = self._taken(block, taken) if taken else None
+        lateral, unusable, selected = lateral_rows(block)
+        steps = self._taken(block, selected) if selected else None
         results: list[tuple[Estimate, ...]] = []
-        for index, has in enumerate(lateral):
+        for index, has_axis in enumerate(lateral):
             conditions = block.conditions[index]
             edges = unusable[index] or contact_edges(block.averages.edges_rad[index], conditions)
-            if not has:
+            if not has_axis:
                 results.append(())
             elif isinstance(edges, Reason):
                 results.append(self._unused(conditions, edges))
             elif steps is not None:
-                results.append(self._estimates(conditions, edges, steps, taken.index(index)))
+                results.append(self._estimates(conditions, edges, steps, selected.index(index)))
         return results
 
     @abstractmethod
-    def _taken(self, block: RevolutionBlock, taken: Sequence[int]) -> _Steps:
-        """Take the revolutions `taken` of a block, at least one."""
+    def _taken(self, block: RevolutionBlock, selected: Sequence[int]) -> _Steps:
+        """Take the revolutions `selected` of a block, at least one."""
 
     @abstractmethod
     def _names(self, conditions: TireConditions) -> Sequence[str]:
         """Return the names of the estimates under these conditions."""
 
-    def _unused(self, conditions: TireConditions, why: Reason) -> tuple[Estimate, ...]:
+    def _unused(self, conditions: TireConditions, reason: Reason) -> tuple[Estimate, ...]:
         """Return the estimates of a revolution that is not taken."""
-        return tuple(Estimate.invalid(name, why) for name in self._names(conditions))
+        return tuple(Estimate.invalid(name, reason) for name in self._names(conditions))
 
     @abstractmethod
     def _estimates(
@@ -570,5 +570,5 @@ class LateralEstimator(LateralAxisEstimator[LateralSteps]):
         """Forget the average and the roll tilt."""
         self._average.reset()
 
-    def _taken(self, block: RevolutionBlock, taken: Sequence[int]) -> LateralSteps:
-        return self._average.update(block, taken)
+    def _taken(self, block: RevolutionBlock, selected: Sequence[int]) -> LateralSteps:
+        return self._average.update(block, selected)

@@ -53,13 +53,13 @@ HORIZON_REVOLUTIONS: Final = 16.0
 # Memory of the tire's stiffnesses and losses, which change with temperature and pressure only.
 TIRE_HORIZON_REVOLUTIONS: Final = 500.0
 # Times as many revolutions as the short mean that the long one needs, to be a prior of its own.
-_LEAST_MORE: Final = 2.0
+_MIN_MEMORY_RATIO: Final = 2.0
 # Rolling resistance of the forces at load number 1.
 _RESISTANCE: Final[FloatArray] = np.array([0.0, -1.0, 1.0, 0.0])
 # Longest pause between solutions, so that the linear response bridges less than half of the memory.
-_LONGEST: Final = 8
+_MAX_PAUSE: Final = 8
 # Change of the forces, in standard errors, after which the balance is solved again.
-_MOVED: Final = 1.0
+_CHANGE_STDS: Final = 1.0
 # Error of the direction of the road, which the belt's direction in the contact stands for, where the tread is pressed
 # unevenly: rolling at 0.7 % resistance and 0.3 of the load in braking tilt the exact ring by this (docs).
 _LEVEL_STD_RAD: Final = 2e-4
@@ -89,7 +89,7 @@ class _Track:
             horizon_revolutions: memory of the mean.
             longest: longest pause between solutions, in revolutions.
         """
-        self._horizon, self._longest = horizon_revolutions, longest
+        self._horizon, self._max_pause = horizon_revolutions, longest
         self._mean: FloatArray = np.zeros(2 * MAX_ORDER)
         self._tilted: FloatArray = np.zeros(2 * MAX_ORDER)
         self._count = 0
@@ -116,13 +116,13 @@ class _Track:
     @property
     def is_outdated(self) -> bool:
         """Whether the mean must be solved again."""
-        if is_due(self._count) or self._count - self._solved_at >= self._longest:
+        if is_due(self._count) or self._count - self._solved_at >= self._max_pause:
             return True
         # A mean that had no solution is tried again at the same pace.
         if self.solution is None:
             return False
-        moved = np.square(self.solution.response @ (corrected_orders(self._mean) - self._solved_orders))
-        return bool((moved > _MOVED**2 * np.diagonal(self.covariance))[Force.LONGITUDINAL :].any())
+        squares = np.square(self.solution.response @ (corrected_orders(self._mean) - self._solved_orders))
+        return bool((squares > _CHANGE_STDS**2 * np.diagonal(self.covariance))[Force.LONGITUDINAL :].any())
 
     def solve(self, own_std: FloatArray, waves: FloatArray, half_angle_rad: float, prior: TirePrior | None) -> None:
         """Solve the balance of the mean; `own_std` are errors of one revolution's orders, `waves` those of every one.
@@ -201,7 +201,7 @@ class LongitudinalForceEstimator(RevolutionEstimator):
 
     def reset(self) -> None:
         """Forget the running means and their solutions."""
-        self._now = _Track(HORIZON_REVOLUTIONS, _LONGEST)
+        self._recent = _Track(HORIZON_REVOLUTIONS, _MAX_PAUSE)
         self._tire = _Track(TIRE_HORIZON_REVOLUTIONS, LONGEST)
         self._omega_radps = 0.0
 
@@ -209,7 +209,7 @@ class LongitudinalForceEstimator(RevolutionEstimator):
         revolution, conditions = block.revolutions[index], block.conditions[index]
         if revolution.faults:
             # What is measured without this revolution still is, as of every average.
-            if self._now.solution is None or self._tire.solution is None:
+            if self._recent.solution is None or self._tire.solution is None:
                 return _all_invalid(not_used(revolution.faults))
             return self._after_solution(revolution, conditions)
         average = block.averages.at(index)
@@ -225,7 +225,7 @@ class LongitudinalForceEstimator(RevolutionEstimator):
             return _all_invalid(Reason(CoreCode.NO_STEADY_VALUE))
         curvature = curvature_from_signal(signal, conditions.sensor_offset_m / conditions.radius_m)
         tilted = _tilted(revolution, edges, max_order, float(signal[0].real), conditions.tilt)
-        self._now.update(curvature, tilted)
+        self._recent.update(curvature, tilted)
         self._tire.update(curvature, tilted)
         weight = 1.0 / min(self._tire.effective_count, TIRE_HORIZON_REVOLUTIONS)
         self._omega_radps += weight * (revolution.omega_radps - self._omega_radps)
@@ -233,7 +233,7 @@ class LongitudinalForceEstimator(RevolutionEstimator):
             self._solve(average, revolution, float(signal[0].real), edges, max_order, conditions.hub_mps2)
         except np.linalg.LinAlgError:
             return _all_invalid(Reason(RingCode.NO_BELT_SHAPE))
-        if self._now.solution is None or self._tire.solution is None:
+        if self._recent.solution is None or self._tire.solution is None:
             return _all_invalid(Reason(RingCode.NO_BELT_SHAPE))
         return self._after_solution(revolution, conditions)
 
@@ -248,12 +248,12 @@ class LongitudinalForceEstimator(RevolutionEstimator):
     ) -> None:
         """Solve the balances that are outdated."""
         outdated = self._tire.is_outdated
-        if not (outdated or self._now.is_outdated):
+        if not (outdated or self._recent.is_outdated):
             return
         relative = np.abs(average.orders_mps2) / mean_mps2
         # The average knows the errors of its orders from its scatter; those of one revolution are larger.
-        own_std = average.orders_std_mps2 * math.sqrt(average.effective_count)
-        std = relative_std(own_std, mean_mps2, np.nan_to_num(relative), max_order)
+        revolution_std = average.orders_std_mps2 * math.sqrt(average.effective_count)
+        std = relative_std(revolution_std, mean_mps2, np.nan_to_num(relative), max_order)
         half_angle_rad = 0.5 * (edges_rad[1] - edges_rad[0])
         signal = orders_about(average.radial_mps2, 0.5 * (edges_rad[0] + edges_rad[1]), max_order)
         waves = wave_std(signal, std / math.sqrt(average.effective_count), max_order)
@@ -261,20 +261,20 @@ class LongitudinalForceEstimator(RevolutionEstimator):
         if revolution.corner:
             # An order that is turned has its sine from its cosine.
             count = min(len(signal), len(waves))
-            turned = CORNER_TOLERANCE * revolution.corner / np.arange(1.0, count) * np.abs(signal[1:count])
-            waves[1:count] = np.hypot(waves[1:count], turned / mean_mps2)
+            corner_std = CORNER_TOLERANCE * revolution.corner / np.arange(1.0, count) * np.abs(signal[1:count])
+            waves[1:count] = np.hypot(waves[1:count], corner_std / mean_mps2)
         if outdated:
             self._tire.solve(std, waves, half_angle_rad, None)
-        self._now.solve(std, waves, half_angle_rad, self._prior(revolution.omega_radps))
+        self._recent.solve(std, waves, half_angle_rad, self._prior(revolution.omega_radps))
 
     def _prior(self, omega_radps: float) -> TirePrior | None:
         """Return the tire from the long mean; None while it hardly is longer than the short one."""
-        more = self._tire.effective_count / self._now.effective_count
-        if more < _LEAST_MORE or self._tire.solution is None:
+        memory_ratio = self._tire.effective_count / self._recent.effective_count
+        if memory_ratio < _MIN_MEMORY_RATIO or self._tire.solution is None:
             return None
         tire = self._tire.tire()
         # The short mean is part of the long one: what is known without it.
-        covariance = tire.covariance * (more / (more - 1.0))
+        covariance = tire.covariance * (memory_ratio / (memory_ratio - 1.0))
         # Damping of either kind, with the speed or without, at another speed than the mean one.
         change = math.log(omega_radps / self._omega_radps)
         for index in (LASTING.index(U.DAMPING), LASTING.index(U.BENDING_DAMPING)):
@@ -283,30 +283,30 @@ class LongitudinalForceEstimator(RevolutionEstimator):
 
     def _after_solution(self, revolution: Revolution, conditions: TireConditions) -> tuple[Estimate, ...]:
         """Return the estimates."""
-        doubts = doubt_about(revolution, self._now.effective_count, is_linear_ring=conditions.tire.is_linear_ring)
+        doubts = doubt_about(revolution, self._recent.effective_count, is_linear_ring=conditions.tire.is_linear_ring)
         if revolution.ac_coupled and not revolution.corner:
             doubts = (*doubts, Reason(ForceCode.AC_CORNER_NOT_STATED))
-        assert self._now.solution is not None
+        assert self._recent.solution is not None
         assert self._tire.solution is not None
-        forces, covariance = self._now.forces, self._now.covariance
-        tilt = math.hypot(self._now.solution.tilt_rad, _LEVEL_STD_RAD)
+        forces, covariance = self._recent.forces, self._recent.covariance
+        tilt = math.hypot(self._recent.solution.tilt_rad, _LEVEL_STD_RAD)
         run_out = _BY_RUN_OUT * conditions.tire.runout_m
         pull, torque = float(forces[Force.LONGITUDINAL]), float(forces[Force.TORQUE])
         doubts = (*doubts, *_impossible(forces, covariance, tilt))
-        unbalanced = self._now.unbalanced
+        unbalanced = self._recent.unbalanced
         pull_variance, torque_variance = (
             float(covariance[force, force]) for force in (Force.LONGITUDINAL, Force.TORQUE)
         )
         pull_std = math.hypot(math.sqrt(pull_variance), tilt, _EXTENSION_STD * pull, run_out)
         torque_std = math.hypot(math.sqrt(torque_variance), _EXTENSION_STD * torque, run_out)
-        scatter = self._now.scatter
+        scatter = self._recent.scatter
         pull_scatter, torque_scatter = (_root(scatter[force, force]) for force in (Force.LONGITUDINAL, Force.TORQUE))
         ratio = _signed(NAMES[2], pull, pull_std, pull_scatter, 1.0, doubts, unbalanced)
         losses = self._losses(doubts)
         load = conditions.load_n
         if load is None or not positive(load):
-            needs = Reason(RingCode.NEEDS_LOAD)
-            return (Estimate.invalid(NAMES[0], needs), Estimate.invalid(NAMES[1], needs), ratio, *losses)
+            missing = Reason(RingCode.NEEDS_LOAD)
+            return (Estimate.invalid(NAMES[0], missing), Estimate.invalid(NAMES[1], missing), ratio, *losses)
         relative = conditions.load_std_n / load
         lever = load * conditions.radius_m
         lever_relative = math.hypot(relative, conditions.radius_std_m / conditions.radius_m)
@@ -392,8 +392,8 @@ def _impossible(forces: FloatArray, covariance: FloatArray, tilt_rad: float) -> 
     if max(abs(pull), abs(torque)) > quantity_of(NAMES[2]).possible[1]:
         reasons.append(Reason(ForceCode.BEYOND_FRICTION, force=pull, torque=torque))
     loss_std = math.hypot(_root(float(covariance[Force.LOSS, Force.LOSS])), _EXTENSION_LOSS_STD * pull)
-    lost = (_resistance(forces, covariance, tilt_rad), (loss, loss_std))
-    value, std = min(lost, key=lambda pair: pair[0] + CONTRADICTION * pair[1])
+    losses = (_resistance(forces, covariance, tilt_rad), (loss, loss_std))
+    value, std = min(losses, key=lambda pair: pair[0] + CONTRADICTION * pair[1])
     if value < -CONTRADICTION * std:
         reasons.append(Reason(ForceCode.TIRE_GIVES_ENERGY, share=-value, std=std))
     return tuple(reasons)

@@ -47,8 +47,8 @@ class Spectrum:
 
     def rms_mps2(self, low_hz: float, high_hz: float) -> tuple[float, float]:
         """Return the root mean square between two frequencies and its standard error."""
-        inside = (self.frequency_hz >= low_hz) & (self.frequency_hz <= high_hz)
-        power = self.density_m2ps3[inside]
+        in_band = (self.frequency_hz >= low_hz) & (self.frequency_hz <= high_hz)
+        power = self.density_m2ps3[in_band]
         total = float(power.sum()) * self.step_hz
         if not total > 0.0:
             return 0.0, 0.0
@@ -103,11 +103,11 @@ def spectral_lines(spectrum: Spectrum, low_hz: float, high_hz: float) -> tuple[L
 
     The width of a line is that of the window or its own, whichever is larger.
     """
-    inside = np.flatnonzero((spectrum.frequency_hz >= low_hz) & (spectrum.frequency_hz <= high_hz))
-    if len(inside) < 2 * _FLOOR_BINS:
+    in_band = np.flatnonzero((spectrum.frequency_hz >= low_hz) & (spectrum.frequency_hz <= high_hz))
+    if len(in_band) < 2 * _FLOOR_BINS:
         return ()
-    power = spectrum.density_m2ps3[inside]
-    frequency = spectrum.frequency_hz[inside]
+    power = spectrum.density_m2ps3[in_band]
+    frequency = spectrum.frequency_hz[in_band]
     freedom = 2.0 * spectrum.averages
     # Ratio of median to mean of the averaged power, and the threshold of a noise bin (Wilson and Hilferty).
     floor = median_filter(power, 2 * _FLOOR_BINS + 1, mode="mirror") / (1.0 - 2.0 / (9.0 * freedom)) ** 3
@@ -123,11 +123,11 @@ def spectral_lines(spectrum: Spectrum, low_hz: float, high_hz: float) -> tuple[L
         excess = np.maximum(power[part] - floor[part], 0.0)
         total = float(excess.sum())
         centre = float(excess @ frequency[part]) / total
-        spread2 = float(excess @ np.square(frequency[part] - centre)) / total
+        moment = float(excess @ np.square(frequency[part] - centre)) / total
         rms = math.sqrt(total * spectrum.step_hz)
         # Both standard errors are those of a narrow band of noise; the errors of a steady tone are smaller.
         variance = _HANN_NOISE_BINS * float(np.square(power[part]).sum()) / spectrum.averages
-        lines.append(Line(centre, math.sqrt(spread2 / spectrum.averages), rms, 0.5 * rms * math.sqrt(variance) / total))
+        lines.append(Line(centre, math.sqrt(moment / spectrum.averages), rms, 0.5 * rms * math.sqrt(variance) / total))
     return tuple(sorted(lines, key=lambda line: -line.rms_mps2))
 
 

@@ -94,7 +94,7 @@ _PEAK_TRUNCATION: Final = (18.0, 0.035)
 # in the error: slopes of 20 random tires are 14 % short at 2.0, 6 to 11 % at 2.35, 2 to 3 % at 2.6, 1 % at 3.
 _TRUNCATION: Final = (1.46, 0.35)
 # Standard errors by which a slope may follow the average until its place in the contact is renewed.
-_MOVED_STDS: Final = 0.5
+_RENEWAL_STDS: Final = 0.5
 # Relative change of the belt radius that does not matter to a slope.
 _NEGLIGIBLE_RADIUS: Final = 1e-3
 # Relative change of the speed that does not matter to the errors. Only that of the mounting depends on it, by gravity,
@@ -139,19 +139,19 @@ class PlySteerEstimator(BlockEstimator):
 
     def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
         """Take revolutions and return the estimates after each."""
-        lateral, unusable, taken = lateral_rows(block)
+        lateral, unusable, selected = lateral_rows(block)
         count = self._average.count
-        if taken:
-            expected = block.conditions[taken[0]].claims.lateral_zero_mps2
+        if selected:
+            expected = block.conditions[selected[0]].claims.lateral_zero_mps2
             self._average.roll.expect_offset(max(OFFSET_STD_MPS2, expected))
-        steps = self._average.update(block, taken) if taken else None
+        steps = self._average.update(block, selected) if selected else None
         results: list[tuple[Estimate, ...]] = [()] * len(block)
         measured: list[_Measured] = []
-        for index, has in enumerate(lateral):
-            if not has:
+        for index, has_axis in enumerate(lateral):
+            if not has_axis:
                 continue
             if steps is not None and unusable[index] is None:
-                row = taken.index(index)
+                row = selected.index(index)
                 count += 1
                 self._followed = _Followed(
                     count,
@@ -173,8 +173,8 @@ class PlySteerEstimator(BlockEstimator):
             for measurement, estimates in zip(measured, self._measured(block, measured), strict=True):
                 results[measurement.index] = estimates
         return [
-            _headed(
-                (*shape_estimates, *_of_laminate(laminate, condition, shape_estimates[0]))
+            _definition_first(
+                (*shape_estimates, *_laminate_estimates(laminate, condition, shape_estimates[0]))
                 if shape_estimates and (laminate := condition.tire.of(BeltLaminate)) is not None
                 else shape_estimates,
                 condition.tire.ply_steer_definition,
@@ -332,9 +332,9 @@ class _Renewed:
 
     def are_outdated(self, values_rad: FloatArray, states: FloatArray, counts: Sequence[int]) -> BoolArray:
         """Return for each of k revolutions whether to renew, (k,), by the values of the maps, (k, 8), and what else."""
-        moved = (np.abs(values_rad - self.values_rad) > self.limits_rad).any(axis=1)
-        due = [count != self.count and (is_due(count) or count - self.count > LONGEST) for count in counts]
-        outdated: BoolArray = moved | differ(states, self.state, self.allowed) | due
+        has_changed = (np.abs(values_rad - self.values_rad) > self.limits_rad).any(axis=1)
+        stale = [count != self.count and (is_due(count) or count - self.count > LONGEST) for count in counts]
+        outdated: BoolArray = has_changed | differ(states, self.state, self.allowed) | stale
         return outdated
 
 
@@ -352,7 +352,7 @@ def _renew(measured: _Measured, block: RevolutionBlock, state: FloatArray) -> _R
     variance[[0, -1]] *= 2.0
     scatter = np.sqrt(np.maximum(variance, 0.0))
     scatter[_CONICITY] = 0.0
-    variance += np.square(rows @ _along(record, revolution, conditions) * conditions.tilt.yaw_std_rad)
+    variance += np.square(rows @ _circumferential(record, revolution, conditions) * conditions.tilt.yaw_std_rad)
     # The slopes scale with the lateral axis's gain over the radius.
     too_short = _truncation_std(record.order_max, edges)
     scale_std = math.hypot(conditions.lateral_gain_std, conditions.radius_std_m / conditions.radius_m, too_short)
@@ -376,7 +376,7 @@ def _renew(measured: _Measured, block: RevolutionBlock, state: FloatArray) -> _R
         scatter,
         by_roll,
         rows @ record.lateral_m,
-        np.concatenate([_MOVED_STDS * stds, ends_std]),
+        np.concatenate([_RENEWAL_STDS * stds, ends_std]),
         (*[conical] * len(NAMES), (orders,), (), conical),
         followed.count,
         state,
@@ -426,8 +426,8 @@ def _roll_error(roll: Roll, conditions: TireConditions) -> float:
     if not roll.count or _zero_is_measured(roll, claims):
         return roll.std_rad
     difference = roll.rad - (claims.roll_rad or 0.0)
-    unlikely = disagreement_std(difference, math.hypot(roll.std_rad, claims.roll_std_rad))
-    return math.hypot(roll.std_rad, max(unlikely, conditions.roll_std_rad))
+    excess_std = disagreement_std(difference, math.hypot(roll.std_rad, claims.roll_std_rad))
+    return math.hypot(roll.std_rad, max(excess_std, conditions.roll_std_rad))
 
 
 def _zero_is_measured(roll: Roll, claims: SensorClaims) -> bool:
@@ -435,7 +435,7 @@ def _zero_is_measured(roll: Roll, claims: SensorClaims) -> bool:
     return roll.offset_std_mps2 <= _OFFSET_MEASURED * max(claims.lateral_zero_mps2, OFFSET_STD_MPS2)
 
 
-def _headed(estimates: tuple[Estimate, ...], definition: str) -> tuple[Estimate, ...]:
+def _definition_first(estimates: tuple[Estimate, ...], definition: str) -> tuple[Estimate, ...]:
     """Return estimates with the ply steer angle of a definition first; as they are without one."""
     name = f"ply_steer_{definition}_rad"
     return tuple(sorted(estimates, key=lambda estimate: estimate.name != name)) if definition else estimates
@@ -479,8 +479,8 @@ def _estimates(
             Estimate.invalid(estimate.name, chance) if estimate.name in _SIGN_OF_LINE else estimate
             for estimate in estimates
         ]
-    *of_contact, ahead = estimates
-    return (*of_contact, _roll_estimate(roll, conditions, unusable), ahead, _offset_estimate(roll, claims, unusable))
+    *of_contact, slope = estimates
+    return (*of_contact, _roll_estimate(roll, conditions, unusable), slope, _offset_estimate(roll, claims, unusable))
 
 
 def _doubted(name: str, value: float, std: float, notes: tuple[Reason, ...], doubt: Reason | None) -> Estimate:
@@ -494,7 +494,7 @@ def _doubted(name: str, value: float, std: float, notes: tuple[Reason, ...], dou
     return Estimate(name, value, std, Status.PROVISIONAL, (*notes, doubt))
 
 
-def _along(record: LateralRecord, revolution: Revolution, conditions: TireConditions) -> FloatArray:
+def _circumferential(record: LateralRecord, revolution: Revolution, conditions: TireConditions) -> FloatArray:
     """Return the coefficients of the circumferential axis over Omega^2, (2 k,) m.
 
     Without that axis it is -(e / R) ds/dtheta and gravity, which a sensor e below the neutral layer would read.
@@ -524,28 +524,28 @@ def _conicity(
         difference_std_rad: one standard error.
         square_rad2: square of the half angle.
     """
-    share = _ROLLING_DIFFERENCE * square_rad2
-    variance = np.square(difference_std_rad) + np.square(share * line_std_rad)
+    factor = _ROLLING_DIFFERENCE * square_rad2
+    variance = np.square(difference_std_rad) + np.square(factor * line_std_rad)
     variance += np.square(_ROLLING_DIFFERENCE_STD * square_rad2 * line_rad)
     variance += np.square(_RESISTANCE_DIFFERENCE_STD * line_rad)
-    return difference_rad - share * line_rad, np.sqrt(variance)
+    return difference_rad - factor * line_rad, np.sqrt(variance)
 
 
 def _roll_estimate(roll: Roll, conditions: TireConditions, unusable: Reason | None) -> Estimate:
     """Return the measured roll, against the stated one, or against what gluing by hand makes likely."""
     if not roll.count:
         return Estimate.invalid(ROLL_NAME, Reason(TrustCode.AC_COUPLED))
-    claims, stated = conditions.claims, conditions.claims.roll_rad
+    claims, stated_rad = conditions.claims, conditions.claims.roll_rad
     by_gains = math.hypot(conditions.gain_std, conditions.claims.lateral_gain_std) * roll.rad
     std = math.hypot(_roll_error(roll, conditions), by_gains, conditions.tilt.mixed)
     doubt = unusable
     if doubt is None and roll.count < SETTLED_REVOLUTIONS:
         # A zero that is not as stated, or another axis, takes as many to show.
         doubt = Reason(CoreCode.NOT_SETTLED, revolutions=roll.count, needed=SETTLED_REVOLUTIONS)
-    elif doubt is None and stated is None and not _zero_is_measured(roll, claims):
+    elif doubt is None and stated_rad is None and not _zero_is_measured(roll, claims):
         doubt = _unlikely_roll(roll, claims)
-    elif doubt is None and stated is not None and _differs_from_roll(roll, claims, stated):
-        doubt = Reason(ForceCode.ROLL_CONTRADICTED, stated_rad=stated, stated_std_rad=claims.roll_std_rad)
+    elif doubt is None and stated_rad is not None and _differs_from_roll(roll, claims, stated_rad):
+        doubt = Reason(ForceCode.ROLL_CONTRADICTED, stated_rad=stated_rad, stated_std_rad=claims.roll_std_rad)
     if doubt is not None:
         return Estimate(ROLL_NAME, roll.rad, std, Status.PROVISIONAL, (*_FROM_MEANS, doubt))
     return Estimate(ROLL_NAME, roll.rad, std, Status.VALID, _FROM_MEANS)
@@ -573,7 +573,7 @@ def _all_invalid(reason: Reason) -> tuple[Estimate, ...]:
     return tuple(Estimate.invalid(name, reason) for name in names)
 
 
-def _of_laminate(belt: BeltLaminate, conditions: TireConditions, peak: Estimate) -> tuple[Estimate, ...]:
+def _laminate_estimates(belt: BeltLaminate, conditions: TireConditions, peak: Estimate) -> tuple[Estimate, ...]:
     """Return the angle that the stated plies give, compared with the measured peak, and B16 and A66."""
     law = coupling_law(belt)
     angle = law.slope(conditions.radius_m, conditions.radius_std_m)
@@ -593,5 +593,5 @@ def _of_laminate(belt: BeltLaminate, conditions: TireConditions, peak: Estimate)
             status = Status.PROVISIONAL
     values = (angle, law.b16_n, law.a66_npm)
     first = Estimate(LAMINATE_NAMES[0], *values[0], status, tuple(reasons))
-    rest = (Estimate(name, *value, Status.VALID) for name, value in zip(LAMINATE_NAMES[1:], values[1:], strict=True))
-    return (first, *rest)
+    others = (Estimate(name, *value, Status.VALID) for name, value in zip(LAMINATE_NAMES[1:], values[1:], strict=True))
+    return (first, *others)

@@ -128,13 +128,13 @@ _SPEED_MPS: Final = 60.0 / 3.6
 def car_tire_ring(pressure_pa: float) -> RingParameters:
     """Return a car tire's ring at a pressure: the ring paper's numbers at 2.1 bar, sidewall half pressure-borne."""
     nominal = RingParameters.from_numbers(*TABLE_3_NUMBERS, radius_m=RADIUS_M, pressure_pa=_NUMBERS_AT_PA)
-    share = 0.5 + 0.5 * pressure_pa / _NUMBERS_AT_PA
+    stiffness_ratio = 0.5 + 0.5 * pressure_pa / _NUMBERS_AT_PA
     return RingParameters(
         radius_m=RADIUS_M,
         tension_width_m=nominal.tension_width_m,
         bending_stiffness_nm2=nominal.bending_stiffness_nm2,
-        radial_stiffness_npm2=share * nominal.radial_stiffness_npm2,
-        tangential_stiffness_npm2=share * nominal.tangential_stiffness_npm2,
+        radial_stiffness_npm2=stiffness_ratio * nominal.radial_stiffness_npm2,
+        tangential_stiffness_npm2=stiffness_ratio * nominal.tangential_stiffness_npm2,
     )
 
 
@@ -169,8 +169,8 @@ def compare(points: Points, angle_rad: FloatArray) -> list[Comparison]:
         fitted = _angle(basis, constants, candidate.logarithmic)
         left_out = np.empty_like(angle_rad)
         for i in range(len(angle_rad)):
-            used = np.arange(len(angle_rad)) != i
-            others = _fit(basis[used], angle_rad[used], candidate.logarithmic)
+            mask = np.arange(len(angle_rad)) != i
+            others = _fit(basis[mask], angle_rad[mask], candidate.logarithmic)
             left_out[i] = _angle(basis[i : i + 1], others, candidate.logarithmic)[0] / angle_rad[i] - 1.0
         results.append(
             Comparison(

@@ -58,7 +58,7 @@ _SLIP_ANGLE, _SLIP_ANGLE_STD = 0.0087, 0.005
 # Lateral acceleration of a curve where no estimator gives it.
 _CURVE_MPS2: Final = 2.0
 # Relative error of a speed where that of its times is not known, and its least.
-_SPEED_STD, _LEAST_SPEED_STD = 4e-4, 1e-5
+_SPEED_STD, _MIN_SPEED_STD = 4e-4, 1e-5
 # Noise of the force before it is known by the differences of neighbours, and its memory.
 _FIRST_NOISE_MPS2, _HORIZON = 0.5, 50.0
 # A difference beyond this many times the noise, and a speed this many errors off, are of a wheel that slides or hops.
@@ -70,7 +70,7 @@ _FOLLOWS: Final = 1.5
 # Share of the latest revolution in the acceleration that slip goes with.
 _LATEST: Final = 0.3
 # Level gravity in the axis, over its own, below which the axis is not the one along the belt.
-_LEAST_GRAVITY: Final = 0.5
+_MIN_GRAVITY: Final = 0.5
 # Stretch of the road over which the force is averaged: a third of a hill.
 _STRETCH_M: Final = 50.0
 # Share of steady grades that may seem to change.
@@ -84,8 +84,8 @@ _CONSIDERED: Final = [_GAIN, _IN_CURVE, _BY_SLIP]
 
 
 # Errors of what stretches of the road differ by beside the grade, by state.
-_SHARED: Final[FloatArray] = np.zeros(_SIZE)
-_SHARED[[_SQUARE, _YAW, *_CONSIDERED]] = _CONSTANT_M, HAND_MOUNTED_YAW_STD_RAD, _GAIN_STD, _SLIP_ANGLE_STD, _SLIP_STD
+_BIAS_STDS: Final[FloatArray] = np.zeros(_SIZE)
+_BIAS_STDS[[_SQUARE, _YAW, *_CONSIDERED]] = _CONSTANT_M, HAND_MOUNTED_YAW_STD_RAD, _GAIN_STD, _SLIP_ANGLE_STD, _SLIP_STD
 
 
 class _Force(NamedTuple):
@@ -116,8 +116,8 @@ class _Change:
     """Whether the grade changes, by the force of stretches of the road less their gain of speed."""
 
     def __init__(self) -> None:
-        self._begin: _Force | None = None
-        self._slip_mps, self._square, self._looks = 0.0, math.nan, 0
+        self._start: _Force | None = None
+        self._slip_mps, self._square, self._stretches = 0.0, math.nan, 0
         self._sums, self._force_mps, self._noise, self._steps = np.zeros(_SIZE), 0.0, 0.0, 0
         # Highest and lowest force so far, each less half of what is a change.
         self._highest, self._lowest = -math.inf, math.inf
@@ -129,7 +129,7 @@ class _Change:
 
     def interrupt(self) -> None:
         """Begin a new stretch with the next revolution."""
-        self._begin = None
+        self._start = None
 
     def take(self, last: _Force, now: _Force, accelerations_mps2: tuple[float, float], noise_mps2: float) -> None:
         """Add the way from the middle of a revolution to that of the next one.
@@ -140,33 +140,33 @@ class _Change:
             accelerations_mps2: with which slip goes, at both.
             noise_mps2: of a force.
         """
-        if self._begin is None:
-            self._begin, self._slip_mps = last, last.speed_mps * accelerations_mps2[0] / _G
+        if self._start is None:
+            self._start, self._slip_mps = last, last.speed_mps * accelerations_mps2[0] / _G
             self._sums, self._force_mps, self._noise, self._steps = np.zeros(_SIZE), 0.0, 0.0, 0
         step_s = now.time_s - last.time_s
         self._sums = self._sums + 0.5 * step_s * (last.row + now.row)
         self._force_mps += 0.5 * step_s * (last.force_mps2 + now.force_mps2)
         self._noise += step_s * now.noise_mps2
         self._steps += 1
-        lasts_s = now.time_s - self._begin.time_s
-        if lasts_s * now.speed_mps < _STRETCH_M:
+        duration_s = now.time_s - self._start.time_s
+        if duration_s * now.speed_mps < _STRETCH_M:
             return
-        row = self._sums / lasts_s
-        row[_BY_SLIP] = (now.speed_mps * accelerations_mps2[1] / _G - self._slip_mps) / lasts_s
+        row = self._sums / duration_s
+        row[_BY_SLIP] = (now.speed_mps * accelerations_mps2[1] / _G - self._slip_mps) / duration_s
         if math.isnan(self._square):
             self._square = float(row[_SQUARE])
         row[_SQUARE] -= self._square
-        gained = now.speed_mps - self._begin.speed_mps
-        force = (self._force_mps - gained) / lasts_s + _SLIP * float(row[_BY_SLIP])
-        by_speed = math.hypot(now.speed_std_mps, self._begin.speed_std_mps) / lasts_s
-        noise = math.hypot(noise_mps2 / math.sqrt(self._steps), self._noise / lasts_s, by_speed)
-        self._look(force, math.hypot(noise, *(row * _SHARED).tolist()))
-        self._begin = None
+        gain_mps = now.speed_mps - self._start.speed_mps
+        force = (self._force_mps - gain_mps) / duration_s + _SLIP * float(row[_BY_SLIP])
+        by_speed = math.hypot(now.speed_std_mps, self._start.speed_std_mps) / duration_s
+        noise = math.hypot(noise_mps2 / math.sqrt(self._steps), self._noise / duration_s, by_speed)
+        self._compare(force, math.hypot(noise, *(row * _BIAS_STDS).tolist()))
+        self._start = None
 
-    def _look(self, force_mps2: float, std_mps2: float) -> None:
+    def _compare(self, force_mps2: float, std_mps2: float) -> None:
         """Compare a stretch with those before it: the more there are, the more they differ by chance."""
-        self._looks += 1
-        pairs = max(0.5 * self._looks * (self._looks - 1), 1.0)
+        self._stretches += 1
+        pairs = max(0.5 * self._stretches * (self._stretches - 1), 1.0)
         half = -NormalDist().inv_cdf(0.5 * _BY_CHANCE / pairs) * std_mps2 / math.sqrt(2.0)
         self._highest, self._lowest = max(self._highest, force_mps2 - half), min(self._lowest, force_mps2 + half)
 
@@ -185,12 +185,12 @@ class _Belt:
     def __init__(self, belt: BeltKinematics, centre_rad: float) -> None:
         self.sine, self.cosine = np.sin(belt.inclination_rad), np.cos(belt.inclination_rad)
         theta = angle_grid(len(self.sine)) - centre_rad
-        across = np.sin(theta)
+        sines = np.sin(theta)
         self.force_row: FloatArray = -2.0 / len(theta) / belt.gravity_order_1 * np.cos(theta)
-        self.gravity_row: FloatArray = across / float(across @ self.sine)
+        self.gravity_row: FloatArray = sines / float(sines @ self.sine)
         # The sums of `BeltKinematics` begin at -pi.
-        along = -belt.along[1] * complex(math.cos(centre_rad), math.sin(centre_rad))
-        self.by_depth = -float(along.real) / belt.gravity_order_1
+        circumferential = -belt.along[1] * complex(math.cos(centre_rad), math.sin(centre_rad))
+        self.by_depth = -float(circumferential.real) / belt.gravity_order_1
 
 
 class RoadGradeEstimator(RevolutionEstimator):
@@ -209,7 +209,7 @@ class RoadGradeEstimator(RevolutionEstimator):
         self._count, self._differences = 0, 0
         self._last: _Force | None = None
         self._acceleration_mps2, self._gravity = 0.0, 0.0
-        self._noise_square, self._before = _FIRST_NOISE_MPS2**2, math.nan
+        self._noise_square, self._last_excess_mps2 = _FIRST_NOISE_MPS2**2, math.nan
         self._mean: FloatArray = np.zeros(_SIZE)
         self._covariance: FloatArray = np.zeros((_SIZE, _SIZE))
         self._change = _Change()
@@ -222,22 +222,22 @@ class RoadGradeEstimator(RevolutionEstimator):
         if reason is not None:
             return (Estimate.invalid(NAME, reason),)
         assert self._belt is not None
-        now = _force(revolution, conditions, self._belt)
-        self._gravity += (now.gravity - self._gravity) / min(self._count, _HORIZON)
-        if self._gravity < _LEAST_GRAVITY:
+        current = _force(revolution, conditions, self._belt)
+        self._gravity += (current.gravity - self._gravity) / min(self._count, _HORIZON)
+        if self._gravity < _MIN_GRAVITY:
             self._last = None
             self._change.interrupt()
             return (Estimate.invalid(NAME, Reason(ForceCode.NO_GRAVITY_ALONG, share=self._gravity)),)
         if self._last is None:
-            self._begin(now, conditions)
+            self._start(current, conditions)
         else:
-            before_mps2 = self._acceleration_mps2
-            self._predict(self._last, now, conditions.radius_m)
-            self._correct(now)
-            if now.time_s - self._last.time_s < _FOLLOWS * revolution.period_s:
-                accelerations = before_mps2, self._acceleration_mps2
-                self._change.take(self._last, now, accelerations, math.sqrt(self._noise_square))
-        self._last = now
+            previous_mps2 = self._acceleration_mps2
+            self._predict(self._last, current, conditions.radius_m)
+            self._correct(current)
+            if current.time_s - self._last.time_s < _FOLLOWS * revolution.period_s:
+                accelerations = previous_mps2, self._acceleration_mps2
+                self._change.take(self._last, current, accelerations, math.sqrt(self._noise_square))
+        self._last = current
         return (self._estimate(revolution),)
 
     @staticmethod
@@ -266,53 +266,53 @@ class RoadGradeEstimator(RevolutionEstimator):
         self._belt = _Belt(belt, centre)
         return None
 
-    def _begin(self, now: _Force, conditions: TireConditions) -> None:
+    def _start(self, current: _Force, conditions: TireConditions) -> None:
         """Start the filter at its prior."""
         yaw = conditions.tilt.yaw_std_rad
-        stds = [_SPEED_STD * now.speed_mps, _HILL_MPS2, _MOUNTAIN_MPS2, _CONSTANT_M, _CONSTANT_MPS2, yaw]
+        stds = [_SPEED_STD * current.speed_mps, _HILL_MPS2, _MOUNTAIN_MPS2, _CONSTANT_M, _CONSTANT_MPS2, yaw]
         self._covariance = np.diag(np.square([*stds, _GAIN_STD, _SLIP_ANGLE_STD, _SLIP_STD]))
         self._mean = np.zeros(_SIZE)
-        self._mean[_SPEED], self._mean[_BY_SLIP] = now.speed_mps, _SLIP
-        self._acceleration_mps2 = now.acceleration_mps2
+        self._mean[_SPEED], self._mean[_BY_SLIP] = current.speed_mps, _SLIP
+        self._acceleration_mps2 = current.acceleration_mps2
 
-    def _predict(self, last: _Force, now: _Force, radius_m: float) -> None:
+    def _predict(self, last: _Force, current: _Force, radius_m: float) -> None:
         """Move the filter from the middle of the last revolution to that of this one."""
-        step_s, period_s = now.time_s - last.time_s, 2.0 * math.pi * radius_m / now.speed_mps
-        beyond = now.force_mps2 - now.acceleration_mps2
+        step_s, period_s = current.time_s - last.time_s, 2.0 * math.pi * radius_m / current.speed_mps
+        excess_mps2 = current.force_mps2 - current.acceleration_mps2
         unseen_mps = 0.0
         if step_s > _FOLLOWS * period_s:
-            unseen_mps, self._before = _UNSEEN_MPS2 * (step_s - period_s), math.nan
+            unseen_mps, self._last_excess_mps2 = _UNSEEN_MPS2 * (step_s - period_s), math.nan
             self._change.interrupt()
-        if math.isfinite(self._before):
+        if math.isfinite(self._last_excess_mps2):
             self._differences += 1
-            step = min(0.5 * (beyond - self._before) ** 2, _STEP_OF_NOISE**2 * self._noise_square)
+            step = min(0.5 * (excess_mps2 - self._last_excess_mps2) ** 2, _STEP_OF_NOISE**2 * self._noise_square)
             self._noise_square += (step - self._noise_square) / min(self._differences + 1, _HORIZON)
-        self._before = beyond
-        change, moved = np.eye(_SIZE), np.zeros(_SIZE)
-        for state, usual, length_m in ((_HILL, _HILL_MPS2, _HILL_M), (_MOUNTAIN, _MOUNTAIN_MPS2, _MOUNTAIN_M)):
-            stays = math.exp(-now.speed_mps * step_s / length_m)
-            change[state, state], moved[state] = stays, (1.0 - stays**2) * usual**2
-        change[_SPEED] = 0.5 * step_s * (last.row + now.row)
-        change[_SPEED, _SPEED] = 1.0
-        moved[_SPEED] = step_s**2 * (self._noise_square + now.noise_mps2**2) + unseen_mps**2
-        self._mean = change @ self._mean
-        self._mean[_SPEED] += 0.5 * step_s * (last.force_mps2 + now.force_mps2)
-        self._covariance = change @ self._covariance @ change.T + np.diag(moved)
+        self._last_excess_mps2 = excess_mps2
+        transition, process_noise = np.eye(_SIZE), np.zeros(_SIZE)
+        for state, std_mps2, length_m in ((_HILL, _HILL_MPS2, _HILL_M), (_MOUNTAIN, _MOUNTAIN_MPS2, _MOUNTAIN_M)):
+            decay = math.exp(-current.speed_mps * step_s / length_m)
+            transition[state, state], process_noise[state] = decay, (1.0 - decay**2) * std_mps2**2
+        transition[_SPEED] = 0.5 * step_s * (last.row + current.row)
+        transition[_SPEED, _SPEED] = 1.0
+        process_noise[_SPEED] = step_s**2 * (self._noise_square + current.noise_mps2**2) + unseen_mps**2
+        self._mean = transition @ self._mean
+        self._mean[_SPEED] += 0.5 * step_s * (last.force_mps2 + current.force_mps2)
+        self._covariance = transition @ self._covariance @ transition.T + np.diag(process_noise)
 
-    def _correct(self, now: _Force) -> None:
+    def _correct(self, current: _Force) -> None:
         """Take the speed of a revolution."""
-        self._acceleration_mps2 += _LATEST * (now.acceleration_mps2 - self._acceleration_mps2)
+        self._acceleration_mps2 += _LATEST * (current.acceleration_mps2 - self._acceleration_mps2)
         row = np.zeros(_SIZE)
-        row[_SPEED], row[_BY_SLIP] = 1.0, now.speed_mps * self._acceleration_mps2 / _G
+        row[_SPEED], row[_BY_SLIP] = 1.0, current.speed_mps * self._acceleration_mps2 / _G
         gains = self._covariance @ row
         variance = float(row @ gains)
-        off = now.speed_mps - float(row @ self._mean)
-        noise = max(now.speed_std_mps**2, (off / _OUTLIER) ** 2 - variance)
+        innovation = current.speed_mps - float(row @ self._mean)
+        noise = max(current.speed_std_mps**2, (innovation / _OUTLIER) ** 2 - variance)
         gains /= variance + noise
         gains[_CONSIDERED] = 0.0
-        self._mean = self._mean + gains * off
-        remains = np.eye(_SIZE) - np.outer(gains, row)
-        self._covariance = remains @ self._covariance @ remains.T + noise * np.outer(gains, gains)
+        self._mean = self._mean + gains * innovation
+        complement = np.eye(_SIZE) - np.outer(gains, row)
+        self._covariance = complement @ self._covariance @ complement.T + noise * np.outer(gains, gains)
 
     def _estimate(self, revolution: Revolution) -> Estimate:
         assert self._last is not None
@@ -324,16 +324,16 @@ class RoadGradeEstimator(RevolutionEstimator):
         square = -float(self._last.row[_SQUARE])
         by_tire = np.zeros(_SIZE)
         by_tire[[_SQUARE, _CONSTANT]] = square, 1.0
-        shared = per_mps2 * math.sqrt(max(float(by_tire @ self._covariance @ by_tire), 0.0))
+        shared_std = per_mps2 * math.sqrt(max(float(by_tire @ self._covariance @ by_tire), 0.0))
         doubts: list[Reason] = []
         if self._count < SETTLED_REVOLUTIONS:
             doubts.append(Reason(CoreCode.NOT_SETTLED, revolutions=self._count, needed=SETTLED_REVOLUTIONS))
         elif not self._change.is_shown:
-            doubts.append(Reason(ForceCode.GRADE_NOT_CHANGED, shared_std_rad=shared))
+            doubts.append(Reason(ForceCode.GRADE_NOT_CHANGED, shared_std_rad=shared_std))
         if revolution.ac_coupled and not revolution.corner:
             doubts.append(Reason(ForceCode.AC_CORNER_NOT_STATED))
         status = Status.PROVISIONAL if doubts else Status.VALID
-        return Estimate(NAME, grade, std, status, tuple(doubts), math.sqrt(max(std**2 - shared**2, 0.0)))
+        return Estimate(NAME, grade, std, status, tuple(doubts), math.sqrt(max(std**2 - shared_std**2, 0.0)))
 
 
 def _force(revolution: Revolution, conditions: TireConditions, belt: _Belt) -> _Force:
@@ -343,26 +343,26 @@ def _force(revolution: Revolution, conditions: TireConditions, belt: _Belt) -> _
     spin = revolution.omega_dot_radps2 * conditions.radius_m
     # What the belt's shape makes goes with the square of the speed; gravity and acceleration do not.
     gains = acceleration_gains([revolution], len(belt.sine))[0]
-    along = (axes[CIRCUMFERENTIAL] - _G * belt.sine - spin * (1.0 - belt.cosine)) * gains
+    circumferential = (axes[CIRCUMFERENTIAL] - _G * belt.sine - spin * (1.0 - belt.cosine)) * gains
     by_pitch = float(belt.force_row @ (axes[RADIAL] * gains))
     lateral = axes[LATERAL] * gains
     by_yaw = float(belt.force_row @ lateral) if np.isfinite(lateral).all() else 0.0
-    force = float(belt.force_row @ along) + spin - conditions.sensor_offset_m * square * belt.by_depth
+    force = float(belt.force_row @ circumferential) + spin - conditions.sensor_offset_m * square * belt.by_depth
     force -= math.tan(conditions.tilt.pitch_rad) * by_pitch
     curve = conditions.given.get("turning", {}).get("lateral_acceleration_mps2")
-    unseen = curve is None or curve.status is Status.INVALID
-    curve_mps2, curve_std = (0.0, _CURVE_MPS2) if curve is None or unseen else (curve.value, curve.std)
+    is_unknown = curve is None or curve.status is Status.INVALID
+    curve_mps2, curve_std = (0.0, _CURVE_MPS2) if curve is None or is_unknown else (curve.value, curve.std)
     force -= _SLIP_ANGLE * curve_mps2**2
-    noise = _SLIP_ANGLE * (2.0 * abs(curve_mps2) * curve_std + unseen * curve_std**2)
+    noise = _SLIP_ANGLE * (2.0 * abs(curve_mps2) * curve_std + is_unknown * curve_std**2)
     row = np.zeros(_SIZE)
     row[[*_GRADE, _SQUARE, _CONSTANT, _YAW, _GAIN]] = -1.0, -1.0, -square, -1.0, -by_yaw, -force
     row[_IN_CURVE] = -(curve_mps2**2)
     std = revolution.period_std_s / period_s
-    gravity = 1.0 + float(belt.gravity_row @ along) / _G
+    gravity = 1.0 + float(belt.gravity_row @ circumferential) / _G
     return _Force(
         revolution.start_s + 0.5 * period_s,
         speed,
-        speed * (max(std, _LEAST_SPEED_STD) if math.isfinite(std) else _SPEED_STD),
+        speed * (max(std, _MIN_SPEED_STD) if math.isfinite(std) else _SPEED_STD),
         spin,
         force,
         row,

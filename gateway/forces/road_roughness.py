@@ -71,7 +71,7 @@ _SPEED_STEP: Final = 1.1
 _WIDTH_STEP: Final = 1.15
 # Revolutions that the estimate remembers, and that it needs at least.
 _HORIZON: Final = 128
-_LEAST: Final = 30
+_MINIMUM: Final = 30
 # Share of the bound that is taken as jitter, and its standard error: anywhere between nothing and the bound.
 _JITTER_SHARE: Final = 0.5
 _JITTER_STD: Final = 0.35
@@ -138,8 +138,8 @@ class RoadRoughnessEstimator:
                 self._contacts = [*self._contacts[1 - _WINDOW :], _Contact(math.log(half), revolution.start_s)]
                 if len(self._contacts) == _WINDOW:
                     self._take(half, revolution.omega_radps, conditions.radius_m)
-        if self._count < _LEAST:
-            waiting = unusable or Reason(TrustCode.NEEDS_REVOLUTIONS, needed=float(_LEAST), count=float(self._count))
+        if self._count < _MINIMUM:
+            waiting = unusable or Reason(TrustCode.NEEDS_REVOLUTIONS, needed=float(_MINIMUM), count=float(self._count))
             return tuple(Estimate.invalid(name, waiting) for name in NAMES)
         return self._estimates()
 
@@ -158,7 +158,7 @@ class RoadRoughnessEstimator:
         )
         per_m3 = response**2 * gain
         roughness_m3, jitter = difference**2 / per_m3, bound**2 / per_m3
-        if self._count >= _LEAST:
+        if self._count >= _MINIMUM:
             # Obstacles and single bad edges are not the road's roughness.
             roughness_m3 = min(roughness_m3, _OUTLIER**2 * self._total_m3)
             jitter = min(jitter, _OUTLIER**2 * self._jitter_m3)
@@ -173,10 +173,10 @@ class RoadRoughnessEstimator:
         statistical = math.hypot(self._total_m3 * math.sqrt(2.0 / effective), _JITTER_STD * self._jitter_m3)
         if not roughness > DETERMINED * statistical:
             limit = max(roughness, 0.0) + DETERMINED * statistical * math.exp(self._model_std)
-            below = Reason(ForceCode.ROAD_BELOW_NOISE, letter=class_letter(_class_of(limit)))
+            below = Reason(ForceCode.ROAD_BELOW_NOISE, letter=class_letter(_roughness_class(limit)))
             return tuple(Estimate.invalid(name, below) for name in NAMES)
         relative = math.hypot(statistical / roughness, self._model_std, 2.0 * _RING_STD)
-        value, std = _class_of(roughness), relative / math.log(4.0)
+        value, std = _roughness_class(roughness), relative / math.log(4.0)
         letter = class_letter(value)
         middle = 1.0 + CLASSES.index(letter)
         # The outer classes have no outer limit.
@@ -203,7 +203,7 @@ def class_letter(value: float) -> str:
     return CLASSES[min(max(round(value), 1), len(CLASSES)) - 1]
 
 
-def _class_of(roughness_m3: float) -> float:
+def _roughness_class(roughness_m3: float) -> float:
     return 1.0 + math.log(roughness_m3 / _CLASS_A_M3) / math.log(4.0)
 
 
@@ -259,21 +259,21 @@ def _road_response(speed_step: int, width_step: int, radius_mm: int) -> tuple[fl
     speed, width = _SPEED_STEP**speed_step, _WIDTH_STEP**width_step
     period = 2.0 * math.pi * 1e-3 * radius_mm / speed
     frequency = np.geomspace(max(_LOWEST_PER_M * speed, 0.2), 120.0, 800)
-    turns = np.exp(2j * math.pi * np.outer(frequency * period, np.arange(_WINDOW)))
-    changing = np.square(np.abs(turns @ _DIFFERENCE))
+    phasors = np.exp(2j * math.pi * np.outer(frequency * period, np.arange(_WINDOW)))
+    difference_gain = np.square(np.abs(phasors @ _DIFFERENCE))
     # The road under the contact is averaged over its length; its edges read the load as the sensor enters and leaves.
-    averaged = np.square(
+    contact_gain = np.square(
         np.sinc(frequency * _CONTACT_OVER_WIDTH * width / speed) * np.cos(math.pi * frequency * width / speed)
     )
     height = (_REFERENCE_PER_M * speed / frequency) ** 2 / speed
     radius_m = 1e-3 * radius_mm
     per_mass = STANDARD_GRAVITY_MPS2 * _of_ring(_RING_STIFFNESS, 0.5 * width / radius_m, radius_m)
-    powers = np.square(np.abs(_deflection(frequency, per_mass))) * (changing * averaged * height)
+    powers = np.square(np.abs(_deflection(frequency, per_mass))) * (difference_gain * contact_gain * height)
     variances = np.trapezoid(powers, frequency, axis=1)
     logarithms = np.log(variances)
     mean = powers.mean(axis=0) * frequency
-    share = np.cumsum(mean) / mean.sum()
-    low, high = (float(np.interp(level, share, frequency)) / speed for level in (0.1, 0.9))
+    cumulative = np.cumsum(mean) / mean.sum()
+    low, high = (float(np.interp(level, cumulative, frequency)) / speed for level in (0.1, 0.9))
     return math.exp(float(logarithms.mean())), float(logarithms.std()), (low, high)
 
 

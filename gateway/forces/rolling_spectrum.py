@@ -83,18 +83,18 @@ class RollingSpectrum:
     def _renew(self) -> bool:
         """Update the spectrum; return whether there was enough signal for one."""
         times, values = np.concatenate(self._times), np.concatenate(self._values)
-        even = np.arange(times[0], times[-1], 1.0 / RATE_HZ)
-        fresh = welch_spectrum(np.interp(even, times, values), RATE_HZ, SEGMENT)
-        if fresh is None:
+        regular_times = np.arange(times[0], times[-1], 1.0 / RATE_HZ)
+        spectrum = welch_spectrum(np.interp(regular_times, times, values), RATE_HZ, SEGMENT)
+        if spectrum is None:
             return False
         # Means over blocks and linear interpolation between them attenuate high frequencies; this is corrected.
         step_hz = len(times) / (times[-1] - times[0])
-        density = fresh.density_m2ps3 / np.sinc(np.minimum(fresh.frequency_hz / step_hz, 0.6)) ** 6
+        density = spectrum.density_m2ps3 / np.sinc(np.minimum(spectrum.frequency_hz / step_hz, 0.6)) ** 6
         self._spectra += 1
-        share = max(1.0 / self._spectra, _WEIGHT)
-        old = density if self.latest is None else self.latest.density_m2ps3
-        averages = fresh.averages * min(self._spectra, 2.0 / _WEIGHT - 1.0)
-        self.latest = Spectrum(fresh.frequency_hz, old + share * (density - old), averages)
+        weight = max(1.0 / self._spectra, _WEIGHT)
+        previous = density if self.latest is None else self.latest.density_m2ps3
+        averages = spectrum.averages * min(self._spectra, 2.0 / _WEIGHT - 1.0)
+        self.latest = Spectrum(spectrum.frequency_hz, previous + weight * (density - previous), averages)
         self.highest_hz = min(BAND_HZ[1], 0.4 * step_hz)
         return True
 

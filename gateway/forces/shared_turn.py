@@ -32,7 +32,7 @@ _CURVES, _FEW_CURVES = 8, 2
 # Standard errors from which a sign is certain.
 _SIGN: Final = 5.0
 # Stated standard errors of a gain that are no contradiction.
-_STATED: Final = 2.0
+_STATED_STDS: Final = 2.0
 # Revolutions and changes of a verdict that are remembered.
 _REMEMBERED, _CHANGES = 2, 64
 # Gains of sensors, and what is left of the signal where a wheel turns as nothing else does.
@@ -42,7 +42,7 @@ _SIGNALS: Final = {Witness.YAW_RATE: ("yaw_rate_radps", 1.0), Witness.COURSE: ("
 _COMPARED: Final = {TURN_RATE, *(name for name, _ in _SIGNALS.values())}
 
 
-class _Read(NamedTuple):
+class _Reading(NamedTuple):
     """A revolution of a wheel: times in ns, speed, turn rate, and the rates by the vehicle's signals."""
 
     end_ns: int
@@ -56,7 +56,7 @@ class _Read(NamedTuple):
 
 @dataclass(slots=True)
 class _Wheel:
-    latest: deque[_Read] = field(default_factory=lambda: deque(maxlen=_REMEMBERED))
+    latest: deque[_Reading] = field(default_factory=lambda: deque(maxlen=_REMEMBERED))
     signals: dict[Witness, CurveGain] = field(default_factory=dict)
     speeds: CurveGain | None = None
     gain_std: float = 0.0
@@ -71,75 +71,75 @@ class SharedTurn:
         self._tracks = tracks_m
         self._wheels: dict[str, _Wheel] = {}
         self._pairs: dict[tuple[str, str], CurveGain] = {}
-        self._waiting: list[_Read] = []
+        self._waiting: list[_Reading] = []
 
     def compare(self, result: RevolutionResult) -> None:
         """Compare a wheel's next revolution, if it has a turn rate."""
-        rates = {each.name: each for each in result.estimates if each.name in _COMPARED}
-        turn = rates.get(TURN_RATE)
-        if turn is None or turn.status is Status.INVALID or not is_evidence(result.revolution):
+        rates = {estimate.name: estimate for estimate in result.estimates if estimate.name in _COMPARED}
+        turn_rate = rates.get(TURN_RATE)
+        if turn_rate is None or turn_rate.status is Status.INVALID or not is_evidence(result.revolution):
             return
         wheel = self._wheels.setdefault(result.position, _Wheel())
         wheel.gain_std = result.conditions.lateral_gain_std
         period_ns = 1e9 * result.revolution.period_s
-        read = _Read(
+        reading = _Reading(
             result.host_ns,
             result.position,
             result.host_ns - 0.5 * period_ns,
             period_ns,
             result.conditions.radius_m * result.revolution.omega_radps,
-            _rate(turn),
+            _rate(turn_rate),
             {
                 witness: _rate(rates[name])
                 for witness, (name, _) in _SIGNALS.items()
                 if name in rates and rates[name].status is not Status.INVALID
             },
         )
-        bisect.insort(self._waiting, read, key=lambda each: (each.end_ns, each.position))
+        bisect.insort(self._waiting, reading, key=lambda entry: (entry.end_ns, entry.position))
 
     def verdict(self, position: str, known_ns: float) -> Verdict:
         """Return what is known of a wheel by what has come up to a time, and compare that."""
         if self._waiting and self._waiting[0].end_ns <= known_ns:
-            count = bisect.bisect_right(self._waiting, known_ns, key=lambda each: each.end_ns)
-            due, self._waiting = self._waiting[:count], self._waiting[count:]
-            for read in due:
-                if self._take(read):
-                    self._judge(read.end_ns)
+            count = bisect.bisect_right(self._waiting, known_ns, key=lambda entry: entry.end_ns)
+            ready, self._waiting = self._waiting[:count], self._waiting[count:]
+            for reading in ready:
+                if self._take(reading):
+                    self._judge(reading.end_ns)
         wheel = self._wheels.get(position)
         verdicts = reversed(wheel.verdicts) if wheel is not None else ()
         return next((verdict for verdict in verdicts if verdict.at_ns <= known_ns), NOTHING)
 
-    def _take(self, read: _Read) -> bool:
+    def _take(self, reading: _Reading) -> bool:
         """Compare a revolution with those before it; return whether a curve ended."""
-        wheel, at_s, period_s = self._wheels[read.position], 1e-9 * read.middle_ns, 1e-9 * read.period_ns
-        ended = False
-        for witness, rate in read.signals.items():
+        wheel, time_s, period_s = self._wheels[reading.position], 1e-9 * reading.middle_ns, 1e-9 * reading.period_ns
+        has_ended = False
+        for witness, rate in reading.signals.items():
             if witness not in wheel.signals:
                 wheel.signals[witness] = CurveGain(_SIGNALS[witness][1])
-            ended |= wheel.signals[witness].take(at_s, period_s, read.rate, rate, read.speed_mps)
+            has_ended |= wheel.signals[witness].take(time_s, period_s, reading.rate, rate, reading.speed_mps)
         for position, peer in self._wheels.items():
-            for latest in peer.latest if position != read.position else ():
-                if abs(latest.middle_ns - read.middle_ns) < 0.5 * min(latest.period_ns, read.period_ns):
-                    ended |= self._take_both(*sorted((latest, read), key=lambda each: each.position))
-        wheel.latest.append(read)
-        return ended
+            for latest in peer.latest if position != reading.position else ():
+                if abs(latest.middle_ns - reading.middle_ns) < 0.5 * min(latest.period_ns, reading.period_ns):
+                    has_ended |= self._compare_pair(*sorted((latest, reading), key=lambda entry: entry.position))
+        wheel.latest.append(reading)
+        return has_ended
 
-    def _take_both(self, first: _Read, second: _Read) -> bool:
-        at_s, period_s = 1e-9 * first.middle_ns, 1e-9 * first.period_ns
+    def _compare_pair(self, first: _Reading, second: _Reading) -> bool:
+        time_s, period_s = 1e-9 * first.middle_ns, 1e-9 * first.period_ns
         pair = first.position, second.position
         if pair not in self._pairs:
             self._pairs[pair] = CurveGain()
-        ended = self._pairs[pair].take(at_s, period_s, first.rate, second.rate, first.speed_mps)
+        has_ended = self._pairs[pair].take(time_s, period_s, first.rate, second.rate, first.speed_mps)
         for a, b in ((first, second), (second, first)):
             if right_of(a.position) == b.position:
                 by_speeds = Rate(b.speed_mps / a.speed_mps - 1.0, 0.0)
-                for read in (a, b):
-                    wheel = self._wheels[read.position]
+                for reading in (a, b):
+                    wheel = self._wheels[reading.position]
                     wheel.speeds = wheel.speeds or CurveGain(by_speeds=True)
-                    ended |= wheel.speeds.take(at_s, period_s, read.rate, by_speeds, a.speed_mps)
-        return ended
+                    has_ended |= wheel.speeds.take(time_s, period_s, reading.rate, by_speeds, a.speed_mps)
+        return has_ended
 
-    def _judge(self, at_ns: int) -> None:
+    def _judge(self, time_ns: int) -> None:
         """Judge all wheels anew."""
         absolute = {position: dict(self._absolute(position)) for position in self._wheels}
         for position, wheel in self._wheels.items():
@@ -154,14 +154,14 @@ class SharedTurn:
                 for witness, gain in absolute[position].items()
                 if witness is not Witness.TRACK and abs(gain.value) > _SIGN * gain.std
             ]
-            sign, by = signs[0] if signs else (0, Witness.WHEELS)
+            sign, sign_witness = signs[0] if signs else (0, Witness.WHEELS)
             settled = {witness: gain for witness, gain in absolute[position].items() if gain.curves >= _CURVES}
             gain_by = min(settled, key=lambda witness: settled[witness].std, default=None)
             verdict = Verdict(
-                at_ns,
+                time_ns,
                 sign,
-                by,
-                Reason(TrustCode.TURNS_OPPOSITE, witness=str(by)) if sign < 0 else None,
+                sign_witness,
+                Reason(TrustCode.TURNS_OPPOSITE, witness=str(sign_witness)) if sign < 0 else None,
                 sides=sides,
                 gain=settled[gain_by] if gain_by is not None else Gain(),
                 gain_by=gain_by,
@@ -198,15 +198,15 @@ class SharedTurn:
             yield contradiction_of(gain, witness)
         if settled:
             return
-        apart = {peer: gain for peer, gain in self._peers(position) if self._are_apart(position, peer)}
-        agreed = not any(self._are_apart(*both) for both in combinations(apart, 2))
-        if len(apart) >= _FEW_CURVES and agreed:
-            closest = min(apart.values(), key=lambda gain: gain.std)
+        differing = {peer: gain for peer, gain in self._peers(position) if self._are_apart(position, peer)}
+        is_agreed = not any(self._are_apart(*pair) for pair in combinations(differing, 2))
+        if len(differing) >= _FEW_CURVES and is_agreed:
+            closest = min(differing.values(), key=lambda gain: gain.std)
             yield contradiction_of(closest, Witness.WHEELS)
             return
-        for peer, gain in apart.items():
+        for peer, gain in differing.items():
             # One that disagrees with several is the one at fault.
-            if sum(self._are_apart(peer, each) for each in self._wheels if each != peer) > 1 or not agreed:
+            if sum(self._are_apart(peer, wheel) for wheel in self._wheels if wheel != peer) > 1 or not is_agreed:
                 continue
             reason = Reason(ForceCode.WHEELS_TURN_APART, other=peer, ratio=abs(gain.value), std=gain.std)
             yield Contradiction(Subject.TURN_RATE, reason, {Basis.AXES: abs(gain.value)})
@@ -227,8 +227,8 @@ def _is_related(gain: Gain) -> bool:
 
 
 def _refutes(gain: Gain, stated_std: float) -> bool:
-    beyond = abs(abs(gain.value) - 1.0)
-    return not _is_related(gain) or beyond > max(CONTRADICTION * gain.std, _STATED * stated_std)
+    excess = abs(abs(gain.value) - 1.0)
+    return not _is_related(gain) or excess > max(CONTRADICTION * gain.std, _STATED_STDS * stated_std)
 
 
 def contradiction_of(gain: Gain, witness: Witness) -> Contradiction:

@@ -59,7 +59,7 @@ class SideForceEstimator(LateralEstimator):
     ) -> tuple[Estimate, ...]:
         half, centre = 0.5 * (edges_rad[1] - edges_rad[0]), 0.5 * (edges_rad[1] + edges_rad[0])
         record = steps.records[row]()
-        rows = displacement_rows(half) @ _turned(centre)
+        rows = displacement_rows(half) @ _rotation(centre)
         values = rows @ record.lateral_m
         covariance = rows @ record.covariance @ rows.T
         # The tilt that is left reads the radial axis into the lateral one, and the gain scales it.
@@ -88,8 +88,8 @@ def _forces(
 ) -> tuple[Estimate, Estimate]:
     calibration = conditions.tire.of(SideForceCalibration)
     if calibration is None:
-        needs = Reason(ForceCode.NEEDS_SIDE_FORCE_CALIBRATION)
-        return Estimate.invalid(NAMES[2], needs), Estimate.invalid(NAMES[3], needs)
+        missing = Reason(ForceCode.NEEDS_SIDE_FORCE_CALIBRATION)
+        return Estimate.invalid(NAMES[2], missing), Estimate.invalid(NAMES[3], missing)
     doubts = (*doubts, *calibration.outside(half_angle_rad, conditions.pressure_pa))
     by_pressure = calibration.factor_std(conditions.pressure_pa)
     load = conditions.load_n or _USUAL_LOAD_N
@@ -102,10 +102,10 @@ def _forces(
     )
 
 
-def _turned(centre_rad: float) -> FloatArray:
+def _rotation(centre_rad: float) -> FloatArray:
     """Return the matrix that takes the coefficients of a record to those about its contact centre, (2 k, 2 k)."""
-    turn = np.asarray(ORDERS) * centre_rad
-    cosine, sine = np.diag(np.cos(turn)), np.diag(np.sin(turn))
+    phase = np.asarray(ORDERS) * centre_rad
+    cosine, sine = np.diag(np.cos(phase)), np.diag(np.sin(phase))
     result: FloatArray = np.block([[cosine, sine], [-sine, cosine]])
     return result
 

@@ -51,8 +51,8 @@ _GRID: Final = 512
 _NOISE_PEAK: Final = 2.4
 # Differences of neighbouring revolutions from which the scatter is known, and revolutions of either side from which
 # left and right are compared.
-_LEAST_STEPS: Final = 3
-_LEAST_OF_SIDE: Final = 3
+_MIN_STEPS: Final = 3
+_MIN_PER_SIDE: Final = 3
 
 
 def lateral_asymmetry(waveform: FloatArray) -> float:
@@ -147,9 +147,9 @@ class SlipAngleEstimator(LateralEstimator):
         direction = math.copysign(1.0, apparent) if abs(apparent) > _SIGNIFICANT * std else 0.0
         unsigned = () if direction else (sign_not_determined(apparent, std),)
         # The asymmetry is a property of the waveform; which zero was learnt does not matter to it.
-        settled = law is not None or count >= REFERENCE_SETTLED
+        is_settled = law is not None or count >= REFERENCE_SETTLED
         asymmetry_status, asymmetry_reasons = (
-            (Status.VALID, ()) if settled and math.isfinite(scatter) else (status, reasons)
+            (Status.VALID, ()) if is_settled and math.isfinite(scatter) else (status, reasons)
         )
         return (
             Estimate(NAMES[0], apparent, std, status, reasons, scatter if math.isfinite(scatter) else 0.0),
@@ -166,23 +166,23 @@ class SlipAngleEstimator(LateralEstimator):
             *angles,
         )
 
-    def _scatter(self, present: FloatArray) -> tuple[float, float, float]:
+    def _scatter(self, latest: FloatArray) -> tuple[float, float, float]:
         """Return the scatter of slope and asymmetry in one revolution, and the peak of its noise in m.
 
         By differences of neighbours, which are free of slow changes of slip; NaN before there are some.
         """
-        step, self._last = present - self._last, present
+        step, self._last = latest - self._last, latest
         if np.isfinite(step).all():
             self._steps.update(0.5 * step * step, max(1.0 / (self._steps.count + 1), 1.0 / _HORIZON))
-        if self._steps.count < _LEAST_STEPS:
+        if self._steps.count < _MIN_STEPS:
             return math.nan, math.nan, math.nan
         slope, asymmetry, *coefficients = self._steps.mean.tolist()
         return math.sqrt(slope), math.sqrt(asymmetry), _NOISE_PEAK * math.sqrt(0.5 * sum(coefficients))
 
     def _left_right(self) -> Estimate:
         left_side, right_side = self._sides[1.0], self._sides[-1.0]
-        if min(left_side.count, right_side.count) < _LEAST_OF_SIDE:
-            return Estimate.invalid(NAMES[3], Reason(ForceCode.NEEDS_BOTH_SLIPS, needed=_LEAST_OF_SIDE))
+        if min(left_side.count, right_side.count) < _MIN_PER_SIDE:
+            return Estimate.invalid(NAMES[3], Reason(ForceCode.NEEDS_BOTH_SLIPS, needed=_MIN_PER_SIDE))
         value, by_roll, by_noise = (left_side.mean + right_side.mean).tolist()
         variance = sum(float(side.variance()[0] * np.asarray(side.weight_square)) for side in (left_side, right_side))
         return Estimate(NAMES[3], value, math.hypot(math.sqrt(variance), by_roll, by_noise), Status.VALID)
@@ -193,7 +193,7 @@ def _status(
 ) -> tuple[Status, tuple[Reason, ...]]:
     """Return the status of what is relative to zero slip."""
     if not math.isfinite(scatter_rad):
-        return Status.PROVISIONAL, (Reason(ForceCode.SCATTER_UNKNOWN, needed=_LEAST_STEPS + 1),)
+        return Status.PROVISIONAL, (Reason(ForceCode.SCATTER_UNKNOWN, needed=_MIN_STEPS + 1),)
     if law is not None:
         return Status.PROVISIONAL if outside else Status.VALID, (Reason(ForceCode.ZERO_SLIP_GIVEN), *outside)
     if count < REFERENCE_SETTLED:
@@ -208,7 +208,7 @@ def _slip(name: str, law: SlipCalibration, slope_rad: tuple[float, float], outsi
     if not math.isfinite(value):
         return Estimate.invalid(name, Reason(ForceCode.SLIP_BEYOND_LAW))
     if not math.isfinite(std):
-        unknown = Reason(ForceCode.SCATTER_UNKNOWN, needed=_LEAST_STEPS + 1)
+        unknown = Reason(ForceCode.SCATTER_UNKNOWN, needed=_MIN_STEPS + 1)
         return Estimate(name, value, std, Status.PROVISIONAL, (unknown,))
     constant_std = law.slip_at(slope_rad[0], 0.0)[1]
     scatter_std = math.sqrt(max(std * std - constant_std * constant_std, 0.0))

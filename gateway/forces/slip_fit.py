@@ -39,7 +39,7 @@ HALF_ANGLE_SPREAD: Final = 0.1
 # A share of fewer standard errors is not determined.
 _SIGNIFICANT: Final = 5.0
 # Chi-squares of smaller probability are contradictions.
-_LEAST_PROBABILITY: Final = 1e-3
+_MIN_PROBABILITY: Final = 1e-3
 _ITERATIONS: Final = 12
 # Groups of neighbouring revolutions whose means show slow changes within a run.
 _GROUPS: Final = 8
@@ -77,7 +77,7 @@ class SlipRun:
     revolutions: int
 
 
-class _Taken(NamedTuple):
+class _Record(NamedTuple):
     lateral_m: FloatArray
     radial_m: FloatArray
     along_m: FloatArray
@@ -90,7 +90,7 @@ class SlipRunRevolutions:
     def __init__(self, roll: RollCalibration) -> None:
         """Start empty; `roll` is shared by the runs of one sensor, which has the same roll tilt in all of them."""
         self._roll = roll
-        self._taken: list[_Taken] = []
+        self._records: list[_Record] = []
         self._pressures: list[float] = []
         self._conditions: TireConditions | None = None
         self.offered = 0
@@ -100,7 +100,7 @@ class SlipRunRevolutions:
     @property
     def count(self) -> int:
         """Number of revolutions that can be used."""
-        return len(self._taken)
+        return len(self._records)
 
     def add(self, revolution: Revolution, conditions: TireConditions) -> bool:
         """Add a revolution; one with faults is only counted. Return whether it is used."""
@@ -117,7 +117,7 @@ class SlipRunRevolutions:
             self._roll.update(float(means[1]), float(means[2]))
         record = lateral_record(revolution, 0.0)
         edges = (revolution.leading_edge_rad, revolution.trailing_edge_rad)
-        self._taken.append(_Taken(record.lateral_m, record.radial_m, record.along_m, edges))
+        self._records.append(_Record(record.lateral_m, record.radial_m, record.along_m, edges))
         self._conditions = conditions
         if conditions.pressure_pa is not None:
             self._pressures.append(conditions.pressure_pa)
@@ -128,13 +128,13 @@ class SlipRunRevolutions:
         conditions = self._conditions
         assert conditions is not None
         radius = conditions.radius_m
-        leading, trailing = np.mean([taken.edges_rad for taken in self._taken], axis=0).tolist()
+        leading, trailing = np.mean([record.edges_rad for record in self._records], axis=0).tolist()
 
         def row(first: float, last: float) -> FloatArray:
             return chord_row(first, 0.5 * (first + last), radius)
 
         tilt = self._roll.roll_rad
-        lateral, radial, along = (np.stack([taken[part] for taken in self._taken]) for part in range(3))
+        lateral, radial, circumferential = (np.stack([record[part] for record in self._records]) for part in range(3))
         level = math.cos(tilt) * lateral - math.sin(tilt) * radial
         slopes = level @ row(leading, trailing)
         mean_m = level.mean(axis=0)
@@ -149,7 +149,7 @@ class SlipRunRevolutions:
             noise_std_rad=_std_of_mean(slopes),
             shared_std_rad=(
                 float(row(leading, trailing) @ radial.mean(axis=0)) * self._roll.roll_std_rad,
-                float(row(leading, trailing) @ along.mean(axis=0)) * MOUNTING_STD_RAD,
+                float(row(leading, trailing) @ circumferential.mean(axis=0)) * MOUNTING_STD_RAD,
                 float(row(leading + edge, trailing) @ mean_m) - slope,
                 float(row(leading, trailing + edge) @ mean_m) - slope,
             ),
@@ -191,8 +191,8 @@ class SlipFit:
 
 
 # Parameters of the fit: ply steer, conicity, share, saturation, misalignment, then the four shared errors.
-_PLY, _CONE, _SHARE, _BEND, _MISALIGNED, _SHARED = range(6)
-_COUNT: Final = _SHARED + 4
+_PLY, _CONE, _SHARE, _BEND, _MISALIGNED, _FIRST_SHARED = range(6)
+_COUNT: Final = _FIRST_SHARED + 4
 
 
 class _Solution(NamedTuple):
@@ -229,32 +229,32 @@ def fit_slip_calibration(runs: Sequence[SlipRun], zero_std_rad: float) -> SlipFi
             "Slip angles are positive where they pull the tire to the left, and the lateral axis points to the left. "
             "Turn over the sign of slip_deg, or of the axis.",
         )
-    both = len({run.is_reverse for run in runs}) == 2
-    freedom = len(runs) - (3 if both else 2)
+    has_reverse = len({run.is_reverse for run in runs}) == 2
+    freedom = len(runs) - (3 if has_reverse else 2)
     probability = _probability(solution.chi_square, freedom)
     pulls = solution.residual_rad / solution.std_rad
     others = [[*runs[:index], *runs[index + 1 :]] for index in range(len(runs))]
-    if probability < _LEAST_PROBABILITY:
+    if probability < _MIN_PROBABILITY:
         fitting = [
             run.name
-            for run, rest in zip(runs, others, strict=True)
-            if _probability(_solve(rest, zero_std_rad).chi_square, freedom - 1) >= _LEAST_PROBABILITY
+            for run, peers in zip(runs, others, strict=True)
+            if _probability(_solve(peers, zero_std_rad).chi_square, freedom - 1) >= _MIN_PROBABILITY
         ]
-        which = f"the others agree without {' or without '.join(fitting)}" if fitting else "more than one run is off"
+        hint = f"the others agree without {' or without '.join(fitting)}" if fitting else "more than one run is off"
         if freedom == 1:
-            which = "another run would show which one is off"
+            hint = "another run would show which one is off"
         raise CalibrationError(
             f"the runs contradict each other: chi-square {solution.chi_square:.1f}, degrees of freedom {freedom}; "
-            f"{which}",
+            f"{hint}",
             "Check slip_deg, its sign, and direction. If slip angles are less accurate than stated, increase "
             "slip_std_deg.",
         )
     left_out = np.full(len(runs), math.nan)
-    for index, (run, rest) in enumerate(zip(runs, others, strict=True)):
-        if len({other.slip_rad for other in rest}) > 1 and len({other.is_reverse for other in rest}) == 1 + both:
-            left_out[index] = _prediction_pull(run, _solve(rest, zero_std_rad))
+    for index, (run, peers) in enumerate(zip(runs, others, strict=True)):
+        if len({peer.slip_rad for peer in peers}) > 1 and len({peer.is_reverse for peer in peers}) == 1 + has_reverse:
+            left_out[index] = _prediction_pull(run, _solve(peers, zero_std_rad))
     return SlipFit(
-        _calibration(runs, solution, both=both),
+        _calibration(runs, solution, has_reverse=has_reverse),
         solution.residual_rad,
         pulls,
         left_out,
@@ -303,8 +303,8 @@ def _law(parameters: FloatArray, runs: Sequence[SlipRun]) -> tuple[FloatArray, F
     rows[:, _SHARE] = slip * (1.0 - bend * np.abs(slip))
     rows[:, _BEND] = -share * slip * np.abs(slip)
     rows[:, _MISALIGNED] = share * (1.0 - 2.0 * bend * np.abs(slip)) * direction
-    rows[:, _SHARED:] = [run.shared_std_rad for run in runs]
-    linear = [_PLY, _CONE, _SHARE, *range(_SHARED, _COUNT)]
+    rows[:, _FIRST_SHARED:] = [run.shared_std_rad for run in runs]
+    linear = [_PLY, _CONE, _SHARE, *range(_FIRST_SHARED, _COUNT)]
     return rows[:, linear] @ parameters[linear], rows
 
 
@@ -314,13 +314,13 @@ def _solve(runs: Sequence[SlipRun], zero_std_rad: float) -> _Solution:
     slip_std = np.array([run.slip_std_rad for run in runs])
     noise = np.array([run.noise_std_rad for run in runs])
     # In one direction of rolling only the sum of ply steer and conicity is determined: conicity is then kept at 0.
-    both = len({run.is_reverse for run in runs}) == 2
+    has_reverse = len({run.is_reverse for run in runs}) == 2
     prior = np.zeros(_COUNT)
     prior_std = np.full(_COUNT, math.inf)
     prior[_BEND], prior_std[_BEND] = SATURATION_PRAD, SATURATION_STD_PRAD
     prior_std[_MISALIGNED] = max(zero_std_rad, 1e-9)
-    prior_std[_SHARED:] = 1.0
-    free = [index for index in range(_COUNT) if both or index != _CONE]
+    prior_std[_FIRST_SHARED:] = 1.0
+    free = [index for index in range(_COUNT) if has_reverse or index != _CONE]
     weight = np.diag(prior_std[free] ** -2.0)
     parameters = prior.copy()
     for _ in range(_ITERATIONS):
@@ -353,7 +353,7 @@ def _prediction_pull(run: SlipRun, others: _Solution) -> float:
     return (run.slope_rad - float(fitted[0])) / math.sqrt(variance)
 
 
-def _calibration(runs: Sequence[SlipRun], solution: _Solution, *, both: bool) -> SlipCalibration:
+def _calibration(runs: Sequence[SlipRun], solution: _Solution, *, has_reverse: bool) -> SlipCalibration:
     parameters, covariance = solution.parameters, solution.covariance
     # The errors of the zero include misalignment and what the runs share: later measurements have other ones.
     total = np.zeros(_COUNT)
@@ -380,7 +380,7 @@ def _calibration(runs: Sequence[SlipRun], solution: _Solution, *, both: bool) ->
         half_angle_range_rad=(min(angles), max(angles)),
         pressure_range_pa=(min(pressures, default=0.0), max(pressures, default=math.inf)),
     )
-    if not both:
+    if not has_reverse:
         return law
     ply, cone = float(parameters[_PLY]), float(parameters[_CONE])
     return replace(

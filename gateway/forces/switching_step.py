@@ -45,36 +45,36 @@ def _stepped_by_numpy(
         means: (2, n).
         covariances: (2, n, n).
     """
-    stays, begins, drift, begun = model.change
+    stays, enters, drift, entry_noise = model.change
     values, rows, noises = measured
     shares = np.array(switched)[:, np.newaxis]
-    predicted, other = means * stays, means[::-1] * begins
+    predicted, entry_means = means * stays, means[::-1] * enters
     spread = covariances * stays[:, :, np.newaxis] * stays[:, np.newaxis]
-    others = covariances[::-1] * begins[:, :, np.newaxis] * begins[:, np.newaxis] + _diagonals(begun)
-    apart = other - predicted
-    between = (shares * (1.0 - shares))[:, np.newaxis] * apart[:, :, np.newaxis] * apart[:, np.newaxis]
-    spread += shares[:, np.newaxis] * (others - spread) + between + _diagonals(drift)
-    predicted += shares * apart
+    entry_spread = covariances[::-1] * enters[:, :, np.newaxis] * enters[:, np.newaxis] + _diagonals(entry_noise)
+    difference = entry_means - predicted
+    mixture = (shares * (1.0 - shares))[:, np.newaxis] * difference[:, :, np.newaxis] * difference[:, np.newaxis]
+    spread += shares[:, np.newaxis] * (entry_spread - spread) + mixture + _diagonals(drift)
+    predicted += shares * difference
     innovations = values - predicted @ rows.T
-    across = spread @ rows.T
-    sums = rows @ across + np.diag(noises)
+    cross_covariance = spread @ rows.T
+    sums = rows @ cross_covariance + np.diag(noises)
     inverses = np.linalg.inv(sums)
     weighted = (inverses @ innovations[:, :, np.newaxis])[:, :, 0]
     first, second = (np.sum(weighted * innovations, axis=1) + np.linalg.slogdet(sums)[1]).tolist()
-    gains = across @ inverses
+    gains = cross_covariance @ inverses
     if model.fixed >= 0:
         gains[0, model.fixed] = 0.0
     predicted += (gains @ innovations[:, :, np.newaxis])[:, :, 0]
-    lost = gains @ across.transpose(0, 2, 1)
-    spread += gains @ sums @ gains.transpose(0, 2, 1) - lost - lost.transpose(0, 2, 1)
+    reduction = gains @ cross_covariance.transpose(0, 2, 1)
+    spread += gains @ sums @ gains.transpose(0, 2, 1) - reduction - reduction.transpose(0, 2, 1)
     # The variance of the free state in closed form: added before, it would take the digits of all others.
     by_free = rows[:, -1]
-    along = inverses[1] @ by_free
+    weighted_row = inverses[1] @ by_free
     unmeasured = -gains[1] @ by_free
     unmeasured[-1] += 1.0
-    free = model.free_variance / (1.0 + model.free_variance * float(by_free @ along))
-    predicted[1] += free * float(along @ innovations[1]) * unmeasured
-    spread[1] += free * np.multiply.outer(unmeasured, unmeasured)
+    free_gain = model.free_variance / (1.0 + model.free_variance * float(by_free @ weighted_row))
+    predicted[1] += free_gain * float(weighted_row @ innovations[1]) * unmeasured
+    spread[1] += free_gain * np.multiply.outer(unmeasured, unmeasured)
     means[:] = predicted
     # Rounding would grow otherwise.
     covariances[:] = 0.5 * (spread + spread.transpose(0, 2, 1))

@@ -58,7 +58,7 @@ def calibrate(
     *,
     config: Config | None = None,
     wheels: Sequence[str] = (),
-    on_left_out: Callable[[str], None] = lambda _why: None,
+    on_left_out: Callable[[str], None] = lambda _reason: None,
 ) -> TireCalibration:
     """Calibrate load and reference numbers from recordings with known loads, as `treadlink calibrate load`.
 
@@ -76,9 +76,9 @@ def calibrate(
     fallback = chosen_vehicle(config, (), "calibrate") if config is not None else None
     left_out: list[str] = []
 
-    def leave_out(why: str) -> None:
-        left_out.append(why)
-        on_left_out(why)
+    def leave_out(reason: str) -> None:
+        left_out.append(reason)
+        on_left_out(reason)
 
     points = [point for path in file_paths for point in recording_points(path, fallback, wheels, leave_out)]
     if not points:

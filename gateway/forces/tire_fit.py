@@ -33,7 +33,7 @@ _DETERMINED_SHARE: Final = 0.8
 # Weights depend on the exponent and on the scatter of the points, which these passes settle.
 _PASSES: Final = 8
 # Points of equal weight from which leaving one out gives the error; a little less, as weights are hardly ever equal.
-_LEAST_POINTS: Final = 2.5
+_MIN_POINTS: Final = 2.5
 # Standard errors from the range of tires at which a slope with temperature is none of one tire.
 _CONTRADICTION: Final = 4.0
 # Sidewall numbers change with pressure: they are averaged over points within this share of the reference pressure.
@@ -121,7 +121,7 @@ def fit_load_calibration(points: Sequence[TirePoint]) -> LoadFit:
         others, *_ = _fit([*points[:index], *points[index + 1 :]])
         left_out[index] = others.load_at(point.half_angle_rad, point.pressure_pa) / point.load_n - 1.0
     effective = float(np.square(weight).sum()) ** 2 / float((weight**4).sum())
-    is_measured = effective >= _LEAST_POINTS and _is_determined(stds[1], 0)
+    is_measured = effective >= _MIN_POINTS and _is_determined(stds[1], 0)
     if is_measured:
         error = math.hypot(math.sqrt(float(np.average(np.square(left_out), weights=np.square(weight)))), LOAD_LAW_STD)
     else:
@@ -156,9 +156,9 @@ def _fit(points: Sequence[TirePoint]) -> tuple[LoadCalibration, FloatArray, tupl
         weighted_rows = np.concatenate([rows * weight[:, np.newaxis], prior[1:]])
         targets = np.concatenate([np.log(load) * weight, expected])
         solution = np.linalg.lstsq(weighted_rows, targets, rcond=None)[0]
-        missed = weighted_rows @ solution - targets
+        residuals = weighted_rows @ solution - targets
         # The usual exponents count as three measurements of the four unknowns.
-        scatter *= math.sqrt(max(1.0, float(missed @ missed) / max(len(points) - 1, 1)))
+        scatter *= math.sqrt(max(1.0, float(residuals @ residuals) / max(len(points) - 1, 1)))
     errors = np.sqrt(np.diag(np.linalg.inv(weighted_rows.T @ weighted_rows)))
     scale, angle_exponent, curvature, pressure_exponent = solution.tolist()
     calibration = LoadCalibration(
@@ -232,8 +232,8 @@ def reference_numbers(points: Sequence[TirePoint], estimator: str) -> ReferenceN
         scaled = []
         for point in points:
             estimate = point.numbers.get(name)
-            near = abs(point.pressure_pa / pressure - 1.0) < _SAME_PRESSURE
-            if estimate is None or estimate.status is not Status.VALID or not (near or name in ("Bs", "Cw")):
+            is_close = abs(point.pressure_pa / pressure - 1.0) < _SAME_PRESSURE
+            if estimate is None or estimate.status is not Status.VALID or not (is_close or name in ("Bs", "Cw")):
                 continue
             factor = 1.0
             if name == "Bs":

@@ -58,7 +58,7 @@ _CERTAIN: Final = 0.95
 _SHOWN_REVOLUTIONS: Final = 10
 # Latest turns whose side force is compared with that of straights, and its least share of that: a recording that begins
 # in a curve may take that for straight, and the straights after it for turns.
-_COMPARED_TURNS, _LEAST_SHARE = 4, 0.7
+_COMPARED_TURNS, _MIN_FORCE_SHARE = 4, 0.7
 # Probability that a recording begins in a steady curve, and the revolutions that one lasts at least.
 _STEADY, _STEADY_REVOLUTIONS = 0.05, 27.0
 # Revolutions over which the first is one of several.
@@ -68,8 +68,8 @@ _ROLL_STD_RAD: Final = math.radians(10.0)
 # Constants change by a twentieth of their spread over tires and mountings in 500 revolutions.
 _DRIFT: Final = 0.05 / math.sqrt(500.0)
 # Noise of a first order and of a mean, m/s^2: least, and before it is known by differences of revolutions.
-_LEAST_NOISE_MPS2, _FIRST_NOISE_MPS2 = 0.02, 0.3
-_HORIZON_OF_NOISE: Final = 50.0
+_MIN_NOISE_MPS2, _FIRST_NOISE_MPS2 = 0.02, 0.3
+_NOISE_HORIZON: Final = 50.0
 # Revolutions over which the level of straights is a mean.
 _LEVEL_REVOLUTIONS: Final = 100.0
 # Change of the first order by side force from one revolution to the next, straight and where the wheel turns.
@@ -77,13 +77,13 @@ _STEADY_FORCE_M, _TURNING_FORCE_M = 5e-6, 5e-5
 # First order by side force of straight driving: by ply steer, conicity and toe; its change by wind and road; in curves.
 _USUAL_FORCE_M, _STRAIGHT_FORCE_M, _CURVE_FORCE_M = 5e-4, 2e-4, 3e-3
 # Variance of the first order of a revolution in which a curve begins or ends, over that of the change of its force.
-_BEGINS: Final = 4.0
+_ONSET_FACTOR: Final = 4.0
 # A difference beyond this many times the noise is a turn, not noise.
 _STEP_OF_NOISE: Final = 3.0
 # Places in the states.
 _SHARE, _ROLL = 1, 2
 # Logarithm of the largest odds of one revolution, of those by side force alone, and the least probability.
-_LARGEST, _LARGEST_CHANGE, _LEAST = 200.0, 10.0, 1e-100
+_LARGEST, _LARGEST_CHANGE, _TINY = 200.0, 10.0, 1e-100
 _NUMBERS: Final[FloatArray] = np.asarray(ORDERS, dtype=np.float64)
 
 
@@ -168,20 +168,20 @@ class _Noise:
 
     def __init__(self) -> None:
         # Value and what a roll of 1 makes of it, of the last revolution and of the one before.
-        self._last, self._before = (math.nan, 0.0), (math.nan, 0.0)
+        self._last, self._older = (math.nan, 0.0), (math.nan, 0.0)
         self._square, self._count = _FIRST_NOISE_MPS2**2, 0
 
     def take(self, value: float, rolled: float = 0.0, roll: float = 0.0) -> float:
         """Add a value in m/s^2 of which a roll of 1 makes `rolled`, and return the variance so far."""
-        (last, rolled_last), (before, rolled_before) = self._last, self._before
-        if math.isfinite(before):
+        (last, rolled_last), (older, rolled_older) = self._last, self._older
+        if math.isfinite(older):
             self._count += 1
             # The first guess counts as one difference.
-            change = value - 2.0 * last + before - roll * (rolled - 2.0 * rolled_last + rolled_before)
+            change = value - 2.0 * last + older - roll * (rolled - 2.0 * rolled_last + rolled_older)
             step = min(change**2 / 6.0, _STEP_OF_NOISE**2 * self._square)
-            self._square += (step - self._square) / min(self._count + 1, _HORIZON_OF_NOISE)
-        self._last, self._before = (value, rolled), self._last
-        return self._square + _LEAST_NOISE_MPS2**2
+            self._square += (step - self._square) / min(self._count + 1, _NOISE_HORIZON)
+        self._last, self._older = (value, rolled), self._last
+        return self._square + _MIN_NOISE_MPS2**2
 
 
 class _Filter:
@@ -201,19 +201,19 @@ class _Filter:
             rate_radps: standard deviation of the rate of a wheel that turns.
             fixed: index of a state that straights do not change, though what they know depends on it; -1 for none.
         """
-        means, stds, changes, decays, _, begins_stds = np.array(states, dtype=np.float64).T
+        means, stds, changes, decays, _, onset_stds = np.array(states, dtype=np.float64).T
         self._means, self._covariances = np.stack([means, means]), np.stack([np.diag(np.square(stds))] * 2)
         self._covariances[1, -1, -1] = rate_radps**2
         # The rate of a turn does not return to 0.
         stays = np.stack([decays, np.append(decays[:-1], 1.0)])
-        moved = np.square(changes) + (1.0 - decays**2) * np.square(stds)
-        drift = np.stack([moved, np.append(moved[:-1], (_CHANGE_OF_RATE * rate_radps) ** 2)])
+        process_noise = np.square(changes) + (1.0 - decays**2) * np.square(stds)
+        drift = np.stack([process_noise, np.append(process_noise[:-1], (_CHANGE_OF_RATE * rate_radps) ** 2)])
         # Where a curve begins or ends, the rate and the road are others.
-        begins = np.array([0.0 if state.of_the_road else 1.0 for state in states])
-        ended, begun = np.square(stds) * (1.0 - begins), np.square(np.maximum(begins_stds, stds)) * (1.0 - begins)
-        begun = np.stack([ended, np.append(begun[:-1], rate_radps**2)])
-        self._model = SwitchingModel(np.stack([stays, stays * begins, drift, begun]), (_ANY * rate_radps) ** 2, fixed)
-        self.turning, self._begins = _FIRST_TURN, _FIRST_TURN
+        retain = np.array([0.0 if state.of_the_road else 1.0 for state in states])
+        exits, entries = np.square(stds) * (1.0 - retain), np.square(np.maximum(onset_stds, stds)) * (1.0 - retain)
+        entries = np.stack([exits, np.append(entries[:-1], rate_radps**2)])
+        self._model = SwitchingModel(np.stack([stays, stays * retain, drift, entries]), (_ANY * rate_radps) ** 2, fixed)
+        self.turning, self._onset = _FIRST_TURN, _FIRST_TURN
         # Probability of a turn without any measurement.
         self._blind = _FIRST_TURN
 
@@ -228,21 +228,21 @@ class _Filter:
             noises: (m,) their variances.
             forces: likelihoods of side force on a straight and where a turn begins, over that of a turn that goes on.
         """
-        still, begins = 1.0 - self.turning, self._begins
-        self._blind = _TURN_LASTS * self._blind + self._begins * (1.0 - self._blind)
-        self._begins += (_TURN_BEGINS - self._begins) / _FIRST_REVOLUTIONS
-        on_straight, begin = forces
-        rests, ends = still * (1.0 - begins) * on_straight, self.turning * (1.0 - _TURN_LASTS) * on_straight
-        goes_on, starts = self.turning * _TURN_LASTS, still * begins * begin
-        before = rests + ends + _LEAST, goes_on + starts + _LEAST
-        switched = ends / before[0], starts / before[1]
+        straight, onset = 1.0 - self.turning, self._onset
+        self._blind = _TURN_LASTS * self._blind + self._onset * (1.0 - self._blind)
+        self._onset += (_TURN_BEGINS - self._onset) / _FIRST_REVOLUTIONS
+        on_straight, on_onset = forces
+        rests, ends = straight * (1.0 - onset) * on_straight, self.turning * (1.0 - _TURN_LASTS) * on_straight
+        continues, starts = self.turning * _TURN_LASTS, straight * onset * on_onset
+        prior = rests + ends + _TINY, continues + starts + _TINY
+        switched = ends / prior[0], starts / prior[1]
         # How far a rate is from that before tells of a turn, and nothing of the constants: that of a turn is free.
         exponent = stepped(self._model, switched, (values, rows, noises), self._means, self._covariances)
-        odds = before[1] / before[0] * math.exp(min(max(exponent, -_LARGEST), _LARGEST))
+        odds = prior[1] / prior[0] * math.exp(min(max(exponent, -_LARGEST), _LARGEST))
         self.turning = turning = odds / (1.0 + odds)
-        shown = max(turning - self._blind, 0.0) / (1.0 - self._blind)
-        turn, turn_variance = float(self._means[1, -1]), float(self._covariances[1, -1, -1])
-        return _Rate(self.mean(-1), self.variance(-1), turn, turn_variance, turning, shown)
+        certainty = max(turning - self._blind, 0.0) / (1.0 - self._blind)
+        turn_rate, turn_variance = float(self._means[1, -1]), float(self._covariances[1, -1, -1])
+        return _Rate(self.mean(-1), self.variance(-1), turn_rate, turn_variance, turning, certainty)
 
     def mean(self, index: int) -> float:
         """Return the mean of a state."""
@@ -256,8 +256,8 @@ class _Filter:
     def variance(self, index: int) -> float:
         """Return the variance of a state."""
         straight, turn = self._covariances[:, index, index].tolist()
-        apart = float(self._means[1, index] - self._means[0, index])
-        variance = (1.0 - self.turning) * (straight + self.turning * apart**2) + self.turning * turn
+        difference = float(self._means[1, index] - self._means[0, index])
+        variance = (1.0 - self.turning) * (straight + self.turning * difference**2) + self.turning * turn
         return float(variance)
 
 
@@ -280,13 +280,13 @@ class _Level:
             error_m: of a prediction.
             by_turn_m: first order that a usual turn makes.
         """
-        usual = self._usual_m**2 + error_m**2
-        either = usual + by_turn_m**2
-        by_turn = self._mean_m * (1.0 - usual / either)
-        exponent = min(0.5 * self._mean_m * by_turn / usual, _LARGEST)
-        lasts = _STEADY * _TURN_LASTS ** max(self._weight - _STEADY_REVOLUTIONS, 0.0)
-        odds = lasts / (1.0 - lasts) * math.sqrt(usual / either) * math.exp(exponent)
-        return math.sqrt(odds / (1.0 + odds) * (by_turn**2 + usual * (1.0 - usual / either)))
+        background = self._usual_m**2 + error_m**2
+        total = background + by_turn_m**2
+        by_turn = self._mean_m * (1.0 - background / total)
+        exponent = min(0.5 * self._mean_m * by_turn / background, _LARGEST)
+        persistence = _STEADY * _TURN_LASTS ** max(self._weight - _STEADY_REVOLUTIONS, 0.0)
+        odds = persistence / (1.0 - persistence) * math.sqrt(background / total) * math.exp(exponent)
+        return math.sqrt(odds / (1.0 + odds) * (by_turn**2 + background * (1.0 - background / total)))
 
 
 class _Force:
@@ -304,7 +304,7 @@ class _Force:
 
     def __init__(self) -> None:
         self._noise, self.change_m, self.step_m = _Noise(), 0.0, 0.0
-        self._value, self._variance, self._within = 0.0, math.inf, 0.0
+        self._value, self._variance, self._error_m2 = 0.0, math.inf, 0.0
         # On straights.
         self.latest_m, self.usual_m, self._usual_variance = 0.0, 0.0, _USUAL_FORCE_M**2
 
@@ -320,17 +320,17 @@ class _Force:
         change = predicted_m - self._value
         variance = self._variance + _STEADY_FORCE_M**2 + turning * _TURNING_FORCE_M**2
         self.change_m = math.sqrt(max(change**2 - variance - noise, 0.0))
-        begins = change**2 > _STEP_OF_NOISE**2 * (variance + noise)
-        if begins:
+        is_jump = change**2 > _STEP_OF_NOISE**2 * (variance + noise)
+        if is_jump:
             variance = change**2
-        share = 1.0 if math.isinf(variance) else variance / (variance + noise)
-        self.step_m = 0.0 if math.isinf(variance) else share * change
-        self._value += share * change
-        self._variance = share * noise
+        gain = 1.0 if math.isinf(variance) else variance / (variance + noise)
+        self.step_m = 0.0 if math.isinf(variance) else gain * change
+        self._value += gain * change
+        self._variance = gain * noise
         # A force that changes within the revolution is not that of its first order; one that goes on to change is wrong
         # the same way each time, which must not be learned as the tire's factor.
-        self._within = self._variance + (_BEGINS if begins else 0.25) * max(change**2 - noise, 0.0)
-        return self._value * square_radps2, self._within * square_radps2**2
+        self._error_m2 = self._variance + (_ONSET_FACTOR if is_jump else 0.25) * max(change**2 - noise, 0.0)
+        return self._value * square_radps2, self._error_m2 * square_radps2**2
 
     def evidence(self, by_roll_m: float) -> tuple[float, float]:
         """Return how likely the latest force is on a straight and where a turn begins, over a turn that goes on.
@@ -347,10 +347,10 @@ class _Force:
 
     def learn(self, straight: float) -> None:
         """Take the latest force for one of straights, by their probability."""
-        lasting = _FORCE_REVOLUTIONS * (self._within + _STRAIGHT_FORCE_M**2)
-        share = straight * self._usual_variance / (self._usual_variance + lasting)
-        self.usual_m += share * (self.latest_m - self.usual_m)
-        self._usual_variance = (1.0 - share) * self._usual_variance + (_DRIFT * _USUAL_FORCE_M) ** 2
+        lasting = _FORCE_REVOLUTIONS * (self._error_m2 + _STRAIGHT_FORCE_M**2)
+        gain = straight * self._usual_variance / (self._usual_variance + lasting)
+        self.usual_m += gain * (self.latest_m - self.usual_m)
+        self._usual_variance = (1.0 - gain) * self._usual_variance + (_DRIFT * _USUAL_FORCE_M) ** 2
 
 
 def _decay(revolutions: float) -> float:
@@ -397,8 +397,8 @@ class TurnTracker:
         self._noises, self._mean_noise = (_Noise(), _Noise()), _Noise()
         # Whether the latest certain revolution turned and since how many, the same of what lasted, and its changes.
         self._latest: bool | None = None
-        self._lasts = 0
-        self._turned: bool | None = None
+        self._run_length = 0
+        self._was_turning: bool | None = None
         self._changes = 0
         self._turn_forces_m: deque[float] = deque(maxlen=_COMPARED_TURNS)
 
@@ -464,19 +464,19 @@ class TurnTracker:
             np.array([[square, 1.0, per_rate]]),
             np.array([noises[1] + share_variance * by_force[1] ** 2]),
         )
-        beyond = measured[0] - roll_row * roll - share * by_force[0], sine
+        residuals = measured[0] - roll_row * roll - share * by_force[0], sine
         remove, remove_std = [], []
         for part, rate in enumerate((turn, camber)):
-            shown, shared_m = _removal(rate, noises[part] / per_rate**2, per_rate / square)
+            removed_m, common_m = _removal(rate, noises[part] / per_rate**2, per_rate / square)
             level = self._levels[part]
-            level.take(beyond[part] / square, 1.0 - rate.probability)
+            level.take(residuals[part] / square, 1.0 - rate.probability)
             steady_m = (1.0 - rate.probability) * level.turn_m(
                 math.sqrt(share_variance * by_force[part] ** 2 + noises[part]) / square,
                 abs(per_rate) * (_TURN_RADPS, _CAMBER_RADPS)[part] / square,
             )
-            remove.append(shown)
-            remove_std.append(math.hypot(shared_m, steady_m))
-        least_m = _LEAST_SHARE * abs(self._forces[0].usual_m)
+            remove.append(removed_m)
+            remove_std.append(math.hypot(common_m, steady_m))
+        threshold_m = _MIN_FORCE_SHARE * abs(self._forces[0].usual_m)
         return Turn(
             turn.value,
             math.hypot(math.sqrt(turn.variance), slip_radps),
@@ -491,27 +491,27 @@ class TurnTracker:
             ),
             (remove[0], remove[1]),
             (remove_std[0], remove_std[1]),
-            self._changes if min(self._turn_forces_m, default=math.inf) >= least_m else 0,
+            self._changes if min(self._turn_forces_m, default=math.inf) >= threshold_m else 0,
         )
 
     def _count_changes(self, turning: float) -> None:
         """Take whether a revolution turned, where that is certain."""
         if max(turning, 1.0 - turning) < _CERTAIN:
             return
-        turned = turning > 0.5
-        self._lasts = self._lasts + 1 if turned is self._latest else 1
-        self._latest = turned
-        if self._lasts == _SHOWN_REVOLUTIONS:
-            self._changes += self._turned is (not turned)
-            self._turned = turned
-            if turned:
+        is_turning = turning > 0.5
+        self._run_length = self._run_length + 1 if is_turning is self._latest else 1
+        self._latest = is_turning
+        if self._run_length == _SHOWN_REVOLUTIONS:
+            self._changes += self._was_turning is (not is_turning)
+            self._was_turning = is_turning
+            if is_turning:
                 self._turn_forces_m.append(abs(self._forces[0].latest_m))
 
 
 def _removal(rate: _Rate, noise_radps: float, per_m: float) -> tuple[float, float]:
     """Return the first order of a turn over Omega^2 with the error that revolutions share."""
-    shared = max(rate.turning_variance - noise_radps, 0.0)
-    variance = rate.shown * (shared + (1.0 - rate.shown) * rate.turning**2)
+    common_variance = max(rate.turning_variance - noise_radps, 0.0)
+    variance = rate.shown * (common_variance + (1.0 - rate.shown) * rate.turning**2)
     return rate.shown * rate.turning * per_m, math.sqrt(variance) * abs(per_m)
 
 
@@ -527,11 +527,11 @@ def _predicted_by_numpy(
         centre_rad: of the contact.
     """
     k = len(_NUMBERS)
-    turns = np.exp(1j * _NUMBERS * centre_rad)
+    phasors = np.exp(1j * _NUMBERS * centre_rad)
     records = np.stack([lateral_m, radial_m])
-    about = (records[:, :k] - 1j * records[:, k:]) * turns
-    parts = np.concatenate([about.real, -about.imag], axis=1) @ rows.T
-    lateral, radial = ((parts[:, 0] - 1j * parts[:, 1]) / turns[0]).tolist()
+    centred = (records[:, :k] - 1j * records[:, k:]) * phasors
+    parts = np.concatenate([centred.real, -centred.imag], axis=1) @ rows.T
+    lateral, radial = ((parts[:, 0] - 1j * parts[:, 1]) / phasors[0]).tolist()
     return lateral.real, -lateral.imag, radial.real, -radial.imag
 
 

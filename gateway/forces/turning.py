@@ -22,7 +22,7 @@ from gateway.forces.turn_tracker import NO_TURN, Turn, TurnTracker
 
 NAMES: Final = ("turn_rate_radps", "curve_radius_m", "camber_rate_radps", "lateral_acceleration_mps2")
 # Changes between straights and curves that show which of them are straight.
-_LEAST_CHANGES: Final = 2
+_MIN_CHANGES: Final = 2
 # Change of turn and camber rate from one revolution to the next where they are not measured: a curve begins within ten.
 _CHANGE_RADPS: Final = 0.02
 
@@ -47,13 +47,13 @@ class TurningEstimator(LateralAxisEstimator[Sequence[tuple[Turn, float]]]):
         self._tracker.reset()
         self._count, self._inverse_shares = 0, 0.0
         # The latest revolution, and how many after it were not used.
-        self._latest, self._unseen = (NO_TURN, 0.0), 0
+        self._latest, self._unseen_count = (NO_TURN, 0.0), 0
 
-    def _taken(self, block: RevolutionBlock, taken: Sequence[int]) -> Sequence[tuple[Turn, float]]:
+    def _taken(self, block: RevolutionBlock, selected: Sequence[int]) -> Sequence[tuple[Turn, float]]:
         """Return the turn of each, and the number of whole revolutions whose mean would have the same variance."""
-        shares = measured_shares([block.revolutions[index] for index in taken]) or (1.0,) * len(taken)
+        shares = measured_shares([block.revolutions[index] for index in selected]) or (1.0,) * len(selected)
         steps = []
-        for turn, share in zip(turns_of(block, taken, self._tracker), shares, strict=True):
+        for turn, share in zip(turns_of(block, selected, self._tracker), shares, strict=True):
             self._count += 1
             self._inverse_shares += 1.0 / share
             steps.append((turn, self._count**2 / self._inverse_shares))
@@ -69,25 +69,25 @@ class TurningEstimator(LateralAxisEstimator[Sequence[tuple[Turn, float]]]):
         steps: Sequence[tuple[Turn, float]],
         row: int,
     ) -> tuple[Estimate, ...]:
-        self._latest, self._unseen = steps[row], 0
-        return self._of(conditions, *steps[row])
+        self._latest, self._unseen_count = steps[row], 0
+        return self._from_turn(conditions, *steps[row])
 
-    def _unused(self, conditions: TireConditions, why: Reason) -> tuple[Estimate, ...]:
-        self._unseen += 1
+    def _unused(self, conditions: TireConditions, reason: Reason) -> tuple[Estimate, ...]:
+        self._unseen_count += 1
         turn, count = self._latest
-        is_held = why.code is EstimateCode.REVOLUTION_NOT_USED and math.isfinite(turn.turn_std_radps)
-        if not is_held or self._unseen > MOST_UNSEEN:
-            return super()._unused(conditions, why)
-        changed = _CHANGE_RADPS * self._unseen
-        held = turn._replace(
-            turn_std_radps=math.hypot(turn.turn_std_radps, changed),
-            turn_scatter_radps=math.hypot(turn.turn_scatter_radps, changed),
-            camber_std_radps=math.hypot(turn.camber_std_radps, changed),
-            camber_scatter_radps=math.hypot(turn.camber_scatter_radps, changed),
+        is_held = reason.code is EstimateCode.REVOLUTION_NOT_USED and math.isfinite(turn.turn_std_radps)
+        if not is_held or self._unseen_count > MOST_UNSEEN:
+            return super()._unused(conditions, reason)
+        change_std_radps = _CHANGE_RADPS * self._unseen_count
+        widened = turn._replace(
+            turn_std_radps=math.hypot(turn.turn_std_radps, change_std_radps),
+            turn_scatter_radps=math.hypot(turn.turn_scatter_radps, change_std_radps),
+            camber_std_radps=math.hypot(turn.camber_std_radps, change_std_radps),
+            camber_scatter_radps=math.hypot(turn.camber_scatter_radps, change_std_radps),
         )
-        return self._of(conditions, held, count, why)
+        return self._from_turn(conditions, widened, count, reason)
 
-    def _of(self, conditions: TireConditions, turn: Turn, count: float, *unused: Reason) -> tuple[Estimate, ...]:
+    def _from_turn(self, conditions: TireConditions, turn: Turn, count: float, *unused: Reason) -> tuple[Estimate, ...]:
         """Return the estimates of a turn after a number of revolutions, and why it is not of this revolution."""
         if not math.isfinite(turn.turn_std_radps):
             return tuple(Estimate.invalid(name, Reason(EstimateCode.NO_CONTACT_EDGES)) for name in NAMES)
@@ -95,23 +95,23 @@ class TurningEstimator(LateralAxisEstimator[Sequence[tuple[Turn, float]]]):
         if count < SETTLED_REVOLUTIONS * (1.0 - 1e-9):
             doubts = (Reason(CoreCode.NOT_SETTLED, revolutions=count, needed=SETTLED_REVOLUTIONS), *unused)
         status = Status.PROVISIONAL if doubts else Status.VALID
-        turned, turn_doubts = status, doubts
-        if doubts == unused and turn.changes < _LEAST_CHANGES:
-            turned = Status.PROVISIONAL
-            turn_doubts = (Reason(ForceCode.STRAIGHT_NOT_SHOWN, changes=turn.changes, needed=_LEAST_CHANGES), *unused)
+        turn_status, turn_doubts = status, doubts
+        if doubts == unused and turn.changes < _MIN_CHANGES:
+            turn_status = Status.PROVISIONAL
+            turn_doubts = (Reason(ForceCode.STRAIGHT_NOT_SHOWN, changes=turn.changes, needed=_MIN_CHANGES), *unused)
         rate, scatter = turn.turn_radps, turn.turn_scatter_radps
         std = math.hypot(turn.turn_std_radps, conditions.lateral_gain_std * rate)
         camber_std = math.hypot(turn.camber_std_radps, conditions.lateral_gain_std * turn.camber_radps)
         speed = turn.speed_mps
         if abs(rate) > DETERMINED * std:
             radius = Estimate(
-                NAMES[1], speed / rate, speed / rate**2 * std, turned, turn_doubts, speed / rate**2 * scatter
+                NAMES[1], speed / rate, speed / rate**2 * std, turn_status, turn_doubts, speed / rate**2 * scatter
             )
         else:
             radius = Estimate.invalid(NAMES[1], sign_not_determined(rate, std))
         return (
-            Estimate(NAMES[0], rate, std, turned, turn_doubts, scatter),
+            Estimate(NAMES[0], rate, std, turn_status, turn_doubts, scatter),
             radius,
             Estimate(NAMES[2], turn.camber_radps, camber_std, status, doubts, turn.camber_scatter_radps),
-            Estimate(NAMES[3], speed * rate, speed * std, turned, turn_doubts, speed * scatter),
+            Estimate(NAMES[3], speed * rate, speed * std, turn_status, turn_doubts, speed * scatter),
         )

@@ -78,7 +78,7 @@ def entries() -> Iterator[Entry]:
         yield _of_effect(effect)
     for code in reason_codes():
         kinds = ((f"{name} {kind}", text) for name, texts in code.words.items() for kind, text in texts.items())
-        lines = tuple((label, _shown(text)) for label, text in (("", code.text_template), *kinds) if text)
+        lines = tuple((label, _with_placeholders(text)) for label, text in (("", code.text_template), *kinds) if text)
         yield Entry("reason", str(code), (str(code),), lines)
 
 
@@ -93,10 +93,10 @@ def reason_codes() -> list[Code]:
 
 def matching(word: str) -> list[Entry]:
     """Return the entries of that name, else those whose name contains it."""
-    wanted = _plain(word)
+    plain_word = _plain(word)
     everything = list(entries())
-    exact = [entry for entry in everything if wanted in map(_plain, entry.names)]
-    return exact or [entry for entry in everything if any(wanted in _plain(name) for name in entry.names)]
+    exact = [entry for entry in everything if plain_word in map(_plain, entry.names)]
+    return exact or [entry for entry in everything if any(plain_word in _plain(name) for name in entry.names)]
 
 
 def _plain(name: str) -> str:
@@ -104,14 +104,14 @@ def _plain(name: str) -> str:
 
 
 def _of_quantity(quantity: Quantity, *, is_default: bool) -> Entry:
-    label, shown = split_name(quantity.name)
-    low, high = (f"{limit * shown.factor:.4g}" if not isinf(limit) else "" for limit in sorted(quantity.possible))
-    limits = f"{low or 'any'} to {high or 'any'} {shown.symbol}".rstrip() if low or high else ""
+    label, unit = split_name(quantity.name)
+    low, high = (f"{limit * unit.factor:.4g}" if not isinf(limit) else "" for limit in sorted(quantity.possible))
+    limits = f"{low or 'any'} to {high or 'any'} {unit.symbol}".rstrip() if low or high else ""
     named = [_STATEMENTS[basis] for basis in Basis if basis in _STATEMENTS and _depends(quantity, basis)]
     lines = (
         ("", quantity.description),
         ("in files", f"{quantity.name}, {unit_of(quantity.name) or 'a pure number'}"),
-        ("shown in", shown.symbol),
+        ("shown in", unit.symbol),
         ("equation", quantity.equation),
         ("positive", quantity.sign),
         ("possible", limits),
@@ -139,6 +139,6 @@ def _of_effect(effect: Effect) -> Entry:
     return Entry("effect", effect.title or effect.name, names, tuple(line for line in lines if line[1]))
 
 
-def _shown(template: str) -> str:
+def _with_placeholders(template: str) -> str:
     """Return a template with the names of its values."""
     return re.sub(r"\{([^:}!]*)(?:\{[^}]*\}|[^{}])*\}", lambda match: f"<{match[1].strip() or 'value'}>", template)

@@ -58,8 +58,8 @@ class _BadCell(NamedTuple):
     def __str__(self) -> str:
         if self.text is None:
             return f"line {self.line}: has {self.cells} cells"
-        what = "NUL bytes" if "\0" in self.text else f"'{self.text[:40]}' is not a number"
-        return f"line {self.line}: {what}"
+        fault = "NUL bytes" if "\0" in self.text else f"'{self.text[:40]}' is not a number"
+        return f"line {self.line}: {fault}"
 
 
 def column_names(cells: Sequence[str]) -> tuple[str, ...]:

@@ -23,7 +23,7 @@ _FIGURE: Final = re.compile(r"\d[.,]\d")
 _DATE: Final = re.compile(
     r"(?:(\d{1,4})[-/. ](\d{1,2}|[a-z]{3})[-/. ](\d{1,4})[T ])?\s*\d{1,2}:\d\d:\d\d(?:[^\d:].*)?", re.IGNORECASE
 )
-_HALF_OF_DAY: Final = re.compile(r"[ap]\.?m", re.IGNORECASE)
+_MERIDIEM: Final = re.compile(r"[ap]\.?m", re.IGNORECASE)
 _DECIMAL_COMMA: Final = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 _IDENTITY: Final = re.compile(
     r"(?=.)(?:(?:sensor|node|device|dev|imu|channel|wheel|tire|tyre|rad|position|pos|knoten|source|mac|serial)(?:s|_)?)?"
@@ -32,9 +32,9 @@ _IDENTITY: Final = re.compile(
 )
 _AXIS_COLUMN: Final = re.compile(r"axis|achse|eje|axe|dir(?:ection)?|richtung|component|channel|kanal", re.IGNORECASE)
 _VALUE: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_:-]*")
-_MOST_SENSORS: Final = 16
+_MAX_SENSORS: Final = 16
 _COMMENTS: Final = ("#", "%", "//")
-_LIKE_SCORES: Final = 0.01
+_SCORE_TOLERANCE: Final = 0.01
 _MAX_HEADER_LINES: Final = 200
 
 
@@ -78,10 +78,10 @@ def recognise_layout(path: Path) -> TextLayout:
     header, start, width = _header(path, lines, rows)
     names = column_names(rows[header]) if header < start else [str(k + 1) for k in range(width)]
     data_rows = [row for row in rows[start:] if len(row) == width]
-    comma = delimiter != "comma" and any(_DECIMAL_COMMA.fullmatch(cell) for row in data_rows for cell in row)
+    has_comma = delimiter != "comma" and any(_DECIMAL_COMMA.fullmatch(cell) for row in data_rows for cell in row)
     layout = FileLayout(
         delimiter=delimiter,
-        decimal="," if comma else ".",
+        decimal="," if has_comma else ".",
         encoding=encoding,
         skip_rows=header,
         header=header < start,
@@ -90,8 +90,8 @@ def recognise_layout(path: Path) -> TextLayout:
     columns = dict(zip(names, zip(*data_rows, strict=True), strict=False))
     _require_axes_apart(path, columns)
     dates = {name for name, cells in columns.items() if any(map(_DATE.fullmatch, cells))}
-    above = {f"line {k}": line for k, line in enumerate(lines[:start], 1)}
-    sensitivities = set(map(sensitivity_in_text, above.values())) - {None}
+    head_lines = {f"line {k}": line for k, line in enumerate(lines[:start], 1)}
+    sensitivities = set(map(sensitivity_in_text, head_lines.values())) - {None}
     return TextLayout(
         layout,
         units=dict(zip(names, rows[header + 1], strict=True)) if start - header > 1 else {},
@@ -102,8 +102,8 @@ def recognise_layout(path: Path) -> TextLayout:
             for name, cells in columns.items()
             if name not in dates and _is_text(cells)
         },
-        rates_hz={place: rate_hz for place, line in above.items() if (rate_hz := rate_in_text(line))},
-        stated=stated_conditions(above),
+        rates_hz={label: rate_hz for label, line in head_lines.items() if (rate_hz := rate_in_text(line))},
+        stated=stated_conditions(head_lines),
         mv_per_g=sensitivities.pop() if len(sensitivities) == 1 else None,
         identities=_identities(path, layout, columns),
     )
@@ -138,14 +138,14 @@ def _header(path: Path, lines: Sequence[str], rows: Sequence[list[str]]) -> tupl
 
 def _header_lines(lines: Sequence[str], rows: Sequence[list[str]], start: int, width: int) -> int:
     """Return how many lines above the first of the data are of its columns: their names, units, and a remark."""
-    above = rows[max(start - 3, 0) : start][::-1]
-    count = next((k for k, row in enumerate(above) if len(row) != width or not any(row)), len(above))
-    if count == 3 and are_units(above[1]):
+    head_rows = rows[max(start - 3, 0) : start][::-1]
+    count = next((k for k, row in enumerate(head_rows) if len(row) != width or not any(row)), len(head_rows))
+    if count == 3 and are_units(head_rows[1]):
         return 3
     # A line of units is directly below that of the names, and has no unit without a name. A remark may have as many
     # commas, and a line that ends a header as many tabs.
     is_remark = count > 1 and _is_comment(lines[start - 2]) and not _is_comment(lines[start - 1])
-    if count > 1 and not is_remark and all(name or not unit for unit, name in zip(*above[:2], strict=True)):
+    if count > 1 and not is_remark and all(name or not unit for unit, name in zip(*head_rows[:2], strict=True)):
         return 2
     return min(count, 1)
 
@@ -170,7 +170,7 @@ def _identities(
     """Return the column that states the sensor of each row with its values, None where there is none."""
     for number, (name, cells) in enumerate(columns.items()):
         first = set(cells)
-        if not _IDENTITY.fullmatch(name.strip()) or len(first) > _MOST_SENSORS or not all(map(_VALUE.fullmatch, first)):
+        if not _IDENTITY.fullmatch(name.strip()) or len(first) > _MAX_SENSORS or not all(map(_VALUE.fullmatch, first)):
             continue
         values: dict[str, None] = {}
         # The rows of a sensor may follow those of another.
@@ -179,9 +179,9 @@ def _identities(
                 row = _cells(line, layout.delimiter)
                 if number < len(row) and row[number]:
                     values.setdefault(row[number])
-                if len(values) > _MOST_SENSORS:
+                if len(values) > _MAX_SENSORS:
                     break
-        if 1 < len(values) <= _MOST_SENSORS and all(map(_VALUE.fullmatch, values)):
+        if 1 < len(values) <= _MAX_SENSORS and all(map(_VALUE.fullmatch, values)):
             return name, tuple(values)
     return None
 
@@ -208,7 +208,7 @@ def _date_order(cells: Sequence[str]) -> str:
     if any(int(match[2]) > 12 for match in dates):
         return "mdy"
     # Where hours have halves, the month comes first.
-    return "mdy?" if any(_HALF_OF_DAY.search(match[0]) for match in dates) else "dmy?"
+    return "mdy?" if any(_MERIDIEM.search(match[0]) for match in dates) else "dmy?"
 
 
 def _is_text(cells: Sequence[str]) -> bool:
@@ -242,22 +242,22 @@ def _cells(line: str, delimiter: str) -> list[str]:
 
 def _delimiter(lines: list[str]) -> str:
     """Return the delimiter that cuts most lines into the same number of numbers, at least two."""
-    best, most = "comma", (0.0, 0)
+    delimiter, best_fit = "comma", (0.0, 0)
     for name in ("semicolon", "tab", "pipe", "comma", "space"):
         rows = [row for row in (_cells(line, name) for line in lines if line.strip()) if len(row) > 1]
         if not rows:
             continue
         width = Counter(map(len, rows)).most_common(1)[0][0]
         # A wrong delimiter leaves pieces such as `5;2` between the numbers.
-        score = round(sum(_share(row) for row in rows if len(row) == width), 1)
+        score = round(sum(_data_share(row) for row in rows if len(row) == width), 1)
         # Single lines of a header, such as `Channels<tab>1`, decide nothing.
-        is_like = abs(score - most[0]) <= _LIKE_SCORES * most[0]
-        if width > most[1] if is_like else score > most[0]:
-            best, most = name, (score, width)
-    return best
+        is_close = abs(score - best_fit[0]) <= _SCORE_TOLERANCE * best_fit[0]
+        if width > best_fit[1] if is_close else score > best_fit[0]:
+            delimiter, best_fit = name, (score, width)
+    return delimiter
 
 
-def _share(row: list[str]) -> float:
+def _data_share(row: list[str]) -> float:
     """Return the share of numbers and dates among the cells that are not empty."""
     good = sum(bool(_NUMBER.fullmatch(cell) or _DATE.fullmatch(cell)) for cell in row)
     return good / max(sum(map(bool, row)), 1)
@@ -266,4 +266,4 @@ def _share(row: list[str]) -> float:
 def _are_data(rows: Sequence[list[str]]) -> bool:
     """Return whether rows consist of numbers and dates for the larger part, with at least one of them."""
     filled = [row for row in rows if any(row)]
-    return bool(filled) and all(_share(row) >= 0.5 for row in filled)
+    return bool(filled) and all(_data_share(row) >= 0.5 for row in filled)

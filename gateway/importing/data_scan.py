@@ -188,7 +188,7 @@ class _WheelRange:
         self._axes = list(wheel.axis.present())
         self._low, self._high = np.full(len(self._axes), np.inf), np.full(len(self._axes), -np.inf)
         self._radial = self._axes.index(Axis.RADIAL)
-        self._liveliest, self._most = np.empty(0), -1.0
+        self._liveliest, self._max_scatter = np.empty(0), -1.0
         self._recent = np.empty(0)
         self._gaps = 0
         self._bridged = BridgedGaps(len(self._axes))
@@ -209,8 +209,8 @@ class _WheelRange:
 
     def _compare_recent(self) -> None:
         scatter = float(np.nanstd(self._recent)) if np.isfinite(self._recent).any() else -1.0
-        if scatter > self._most:
-            self._liveliest, self._most = self._recent, scatter
+        if scatter > self._max_scatter:
+            self._liveliest, self._max_scatter = self._recent, scatter
         self._recent = np.empty(0)
 
     def check_gaps(self, path: Path, samples: int) -> None:
@@ -283,9 +283,9 @@ class _BadValues:
 
     def refuse(self) -> None:
         if self.count:
-            more = f" ({self.count} such values in the file)" if self.count > 1 else ""
+            count_note = f" ({self.count} such values in the file)" if self.count > 1 else ""
             raise ImportDataError(
-                f"{self._path}: {self._first}{more}",
+                f"{self._path}: {self._first}{count_note}",
                 "Check column and unit. Where there is no value, leave the cell empty: the import keeps the gap.",
             )
 

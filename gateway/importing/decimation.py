@@ -94,7 +94,7 @@ class Decimator:
         self._taps = _taps(factor) if factor > 1 else np.ones(1)
         self._half = len(self._taps) // 2
         self._rows = np.empty((0, 0))
-        self._begun = False
+        self._is_primed = False
 
     def feed(self, rows: FloatArray, *, last: bool = False) -> FloatArray:
         """Return the rows of the result that are complete; with `last`, all that remain.
@@ -105,19 +105,19 @@ class Decimator:
         """
         if self._factor == 1:
             return rows
-        if not self._begun and len(rows):
+        if not self._is_primed and len(rows):
             self._rows = np.repeat(rows[:1], self._half, axis=0)
-            self._begun = True
-        if not self._begun:
+            self._is_primed = True
+        if not self._is_primed:
             return rows
         self._rows = np.concatenate((self._rows, rows)) if len(rows) else self._rows
-        held = self._rows
+        buffer = self._rows
         if last:
-            held = np.concatenate((held, np.repeat(held[-1:], self._half, axis=0)))
-        count = (len(held) - len(self._taps)) // self._factor + 1
+            buffer = np.concatenate((buffer, np.repeat(buffer[-1:], self._half, axis=0)))
+        count = (len(buffer) - len(self._taps)) // self._factor + 1
         if count <= 0:
             return rows[:0]
-        window = held[: (count - 1) * self._factor + len(self._taps)]
+        window = buffer[: (count - 1) * self._factor + len(self._taps)]
         self._rows = self._rows[count * self._factor :].copy()
         return self._decimated(window, count)
 
@@ -137,11 +137,11 @@ class Decimator:
             padded = np.concatenate((padding, np.where(absent, 0.0, values)))
             filtered = upfirdn(self._taps, padded, down=self._factor)[first : first + count]
             # A filtered overload would look like a measured value.
-            over = np.abs(values) >= self._limits[column]
-            if over.any():
+            overloaded = np.abs(values) >= self._limits[column]
+            if overloaded.any():
                 sign = np.sign(result[:, column])
-                near = self._touched(over, count, self._factor)
-                filtered = np.where(near, np.where(sign == 0, 1.0, sign) * self._limits[column], filtered)
+                affected = self._touched(overloaded, count, self._factor)
+                filtered = np.where(affected, np.where(sign == 0, 1.0, sign) * self._limits[column], filtered)
             if absent.any():
                 filtered = np.where(self._touched(absent, count, self._half), np.nan, filtered)
             result[:, column] = filtered

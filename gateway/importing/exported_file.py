@@ -42,7 +42,7 @@ _MARK: Final = "exported_by"
 _BY_SENSOR: Final = "measured by the sensor"
 _CONDITION: Final = re.compile(r"# (.+?) ([a-z][a-z0-9_]*): (.*?)(?: \(([^()]*)\))?\s*")
 _COLUMN: Final = re.compile(r"# column ")
-_MOST_LINES: Final = 10_000
+_MAX_LINES: Final = 10_000
 _TIME: Final = "device_s"
 _SLOW: Final = ("pressure_pa", "temperature_degc")
 # Key of a wheel in an import map, the condition of an export, and the factor between them.
@@ -105,25 +105,25 @@ def import_exported(path: Path, out: Path, progress: Callable[[float], None] = l
             parts.append(WheelRows(reader, _wheel_map(path, position, conditions, reader), reader.begin_s()))
         maps = [part.import_map for part in parts]
         # One error for the rates of all: the largest.
-        sampling = max((each.sampling for each in maps), key=lambda sampling: sampling.rate_std_percent or 0.0)
-        whole = maps[0].model_copy(update={"wheel": tuple(each.wheel[0] for each in maps), "sampling": sampling})
+        sampling = max((entry.sampling for entry in maps), key=lambda sampling: sampling.rate_std_percent or 0.0)
+        merged = maps[0].model_copy(update={"wheel": tuple(entry.wheel[0] for entry in maps), "sampling": sampling})
         start_ns = _start_ns(next(iter(wheels.values()))) or path.stat().st_mtime_ns
-        return import_wheels(path, parts, whole, start_ns, out, progress)
+        return import_wheels(path, parts, merged, start_ns, out, progress)
 
 
 class _WheelReader:
     """Columns of one wheel by the names of an export, with the constant means of pressure and temperature."""
 
     def __init__(self, reader: ColumnReader, prefix: str, time: str, constants: Mapping[str, float]) -> None:
-        self._reader, self._prefix, self._begin, self._constants = reader, prefix, time, constants
+        self._reader, self._prefix, self._time_name, self._constants = reader, prefix, time, constants
         names = [name.removeprefix(prefix) for name in reader.facts.names if name.startswith(prefix)]
         self.facts = FileFacts((*names, *constants), start_ns=reader.facts.start_ns)
 
     def blocks(self, names: Sequence[str]) -> Iterator[Block]:
         """Yield the named columns."""
-        read = [name for name in names if name not in self._constants]
-        for block in self._reader.blocks([f"{self._prefix}{name}" for name in read]):
-            columns = {name: block.values[:, k] for k, name in enumerate(read)}
+        measured_names = [name for name in names if name not in self._constants]
+        for block in self._reader.blocks([f"{self._prefix}{name}" for name in measured_names]):
+            columns = {name: block.values[:, k] for k, name in enumerate(measured_names)}
             rows = len(block.values)
             values = [columns[name] if name in columns else np.full(rows, self._constants[name]) for name in names]
             yield Block(block.first_row, np.column_stack(values), block.where, block.progress)
@@ -131,7 +131,7 @@ class _WheelReader:
     def begin_s(self) -> float:
         """Return the time of the first sample from the start of the recording."""
         # A channel of the wheel tells an MF4 file whose time is meant.
-        names = [f"{self._prefix}{_TIME}", self._begin]
+        names = [f"{self._prefix}{_TIME}", self._time_name]
         block = self._reader.sample(names)
         return 0.0 if block is None or not len(block.values) else float(block.values[0, 1])
 
@@ -154,9 +154,9 @@ def _wheel_reader(path: Path, position: str, conditions: Conditions, processes: 
 
 def _wheel_map(path: Path, position: str, conditions: Conditions, reader: _WheelReader) -> ImportMap:
     present = (_text(conditions, "axes") or ", ".join(AXIS_NAMES)).split(", ")
-    ends = dict(entry.rpartition(" ")[::2] for entry in _text(conditions, "ranges_mps2").split(", "))
+    full_scales = dict(entry.rpartition(" ")[::2] for entry in _text(conditions, "ranges_mps2").split(", "))
     axes = {
-        name: AxisColumn(column=f"{name}_mps2", unit="m/s^2", full_scale=_end(ends.get(name)))
+        name: AxisColumn(column=f"{name}_mps2", unit="m/s^2", full_scale=_end(full_scales.get(name)))
         for name in AXIS_NAMES
         if name in present and f"{name}_mps2" in reader.facts.names
     }
@@ -192,13 +192,13 @@ def _wheel_map(path: Path, position: str, conditions: Conditions, reader: _Wheel
             "Import it with a map: treadlink import --guess writes a first one.",
         ) from error
     assumed = _text(conditions, "assumed")
-    named = {"name": conditions.get("vehicle"), "tire": conditions.get("tire_size")}
+    vehicle_values = {"name": conditions.get("vehicle"), "tire": conditions.get("tire_size")}
     return ImportMap(
         assumed=(assumed,) if assumed else (),
         sampling=sampling,
         sensor=Sensor(coupling="AC" if _text(conditions, "coupling") == "ac" else "DC"),
         conditions=StatedConditions.model_validate(
-            {key: condition[0] for key, condition in named.items() if condition is not None}
+            {key: condition[0] for key, condition in vehicle_values.items() if condition is not None}
         ),
         wheel=(wheel,),
     )
@@ -210,7 +210,7 @@ def _csv_conditions(path: Path) -> tuple[dict[str, Conditions], int]:
     count = 0
     with path.open(encoding="utf-8", errors="replace") as file:
         for line in file:
-            if not line.startswith("# ") or count >= _MOST_LINES:
+            if not line.startswith("# ") or count >= _MAX_LINES:
                 break
             count += 1
             match = None if _COLUMN.match(line) else _CONDITION.fullmatch(line)

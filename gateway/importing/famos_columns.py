@@ -54,8 +54,8 @@ class FamosColumns(WaveformColumns):
                 channels.append((begin, dict(keys)))
         for position, channel in channels:
             # Data of one number may occur again behind each channel.
-            later = {number: (begin, end) for number, begin, end in reversed(data) if begin > position}
-            self._add(channel, content, {number: (begin, end) for number, begin, end in data} | later, order)
+            closest = {number: (begin, end) for number, begin, end in reversed(data) if begin > position}
+            self._add(channel, content, {number: (begin, end) for number, begin, end in data} | closest, order)
         if not self.waveforms and not self.unusable:
             raise ImportDataError(f"{path} has no channels", "Export the channels as CSV.")
 
@@ -78,12 +78,12 @@ class FamosColumns(WaveformColumns):
         except (KeyError, IndexError, ValueError):
             self.unusable[name] = ("is described by keys that are not read", "Export it as CSV.")
             return
-        form = _FORMATS.get(kind)
-        if components != 1 or form is None or np.dtype(form).itemsize != size or not step_s > 0.0:
+        format_code = _FORMATS.get(kind)
+        if components != 1 or format_code is None or np.dtype(format_code).itemsize != size or not step_s > 0.0:
             self.unusable[name] = ("has no equidistant numbers", "Export it as CSV with its times.")
             return
         present = max(min(end, begin + offset + length) - begin - offset, 0) // size
-        values = np.frombuffer(content, np.dtype(order + form), present, begin + offset)
+        values = np.frombuffer(content, np.dtype(order + format_code), present, begin + offset)
         self.waveforms[name] = Waveform(
             rows=present,
             read=lambda first, last: _scaled(values[first:last], factor, zero),
@@ -122,7 +122,7 @@ def _start_ns(fields: list[str]) -> int | None:
     try:
         day, month, year, hour, minute = (int(text) for text in fields[:5])
         second = float(fields[5])
-        began = datetime(year, month, day, hour, minute, tzinfo=UTC)
+        start = datetime(year, month, day, hour, minute, tzinfo=UTC)
     except (ValueError, IndexError):
         return None
-    return int(began.timestamp()) * 1_000_000_000 + round(second * 1e9) if year > 1980 else None
+    return int(start.timestamp()) * 1_000_000_000 + round(second * 1e9) if year > 1980 else None

@@ -21,7 +21,7 @@ from gateway.importing.import_map import ISO, SUFFIXES, FileFormat, ImportMap
 from gateway.importing.iso_times import IsoTimes
 from gateway.importing.reader_process import ProcessColumns, ReaderProcesses
 
-_KNOWN: Final = ", ".join(SUFFIXES)
+_SUFFIXES: Final = ", ".join(SUFFIXES)
 _UNPACK: Final = "Unpack the file first, then import what is in it."
 _TO_CSV: Final = "Export the columns as CSV in the program that wrote the file, and import that."
 # Files that are often tried, and the way from each to one that can be imported.
@@ -85,24 +85,24 @@ class PluginReader:
             OSError: the system refuses.
         """
         self._path = path
-        with self._explained():
+        with self._named_errors():
             self._reader = open_reader(path)
 
     @property
     def facts(self) -> FileFacts:
         """Statements of the file about its columns."""
-        with self._explained():
+        with self._named_errors():
             facts: object = self._reader.facts
         if not isinstance(facts, FileFacts):
-            raise self._wrong(f"facts is {type(facts).__name__}, not FileFacts")
+            raise self._plugin_error(f"facts is {type(facts).__name__}, not FileFacts")
         return facts
 
     def blocks(self, names: Sequence[str]) -> Iterator[Block]:
         """Yield the named columns from the first row on."""
-        with self._explained():
+        with self._named_errors():
             blocks = iter(self._reader.blocks(names))
         while True:
-            with self._explained():
+            with self._named_errors():
                 block = next(blocks, None)
             if block is None:
                 return
@@ -110,36 +110,36 @@ class PluginReader:
 
     def sample(self, names: Sequence[str]) -> Block | None:
         """Return rows that show what the columns are."""
-        with self._explained():
+        with self._named_errors():
             block = self._reader.sample(names)
         return None if block is None else self._checked(block, names)
 
     def close(self) -> None:
         """Release the file; what fails here has no consequence."""
-        with suppress(ImportDataError), self._explained():
+        with suppress(ImportDataError), self._named_errors():
             self._reader.close()
 
     def _checked(self, block: object, names: Sequence[str]) -> Block:
         if not isinstance(block, Block):
-            raise self._wrong(f"a block is {type(block).__name__}, not Block")
+            raise self._plugin_error(f"a block is {type(block).__name__}, not Block")
         values: Any = block.values
         if not isinstance(values, np.ndarray) or values.ndim != 2 or values.shape[1] != len(names):
-            raise self._wrong(f"a block has the shape {np.shape(values)}, not (rows, {len(names)})")
+            raise self._plugin_error(f"a block has the shape {np.shape(values)}, not (rows, {len(names)})")
         if values.dtype.kind not in "fiu":
-            raise self._wrong(f"a block has values of type {values.dtype}, not numbers")
+            raise self._plugin_error(f"a block has values of type {values.dtype}, not numbers")
         return replace(block, values=values.astype(np.float64, copy=False))
 
     @contextmanager
-    def _explained(self) -> Iterator[None]:
+    def _named_errors(self) -> Iterator[None]:
         try:
             yield
         except (ImportDataError, OSError):
             raise
         except (Exception, SystemExit) as error:  # code of others may raise anything
             _logger.debug("reader of a plug-in failed", exc_info=error)
-            raise self._wrong(f"{type(error).__name__}: {error}") from error
+            raise self._plugin_error(f"{type(error).__name__}: {error}") from error
 
-    def _wrong(self, text: str) -> ImportDataError:
+    def _plugin_error(self, text: str) -> ImportDataError:
         return ImportDataError(f"{self._path} cannot be read: {text}", "Check the file, or update the plug-in.")
 
 
@@ -181,7 +181,7 @@ def _by_content(start: bytes, end: bytes) -> FileFormat | None:
         return FileFormat.UFF
     if b"[column names]" in start.lower() and b"[header]" in start.lower():
         return FileFormat.VBO
-    return next((each for magic, each in _FIRST_BYTES.items() if start.startswith(magic)), None)
+    return next((file_format for magic, file_format in _FIRST_BYTES.items() if start.startswith(magic)), None)
 
 
 def open_columns(
@@ -210,16 +210,16 @@ def open_columns(
         file_format = layout.format or recognised_format(path)
     except OSError as error:
         raise ImportDataError(f"{path} cannot be read: {error.strerror or error}", reading_remedy(error)) from error
-    added = _plugin_reader(path) if file_format is None else None
-    if added is not None:
-        return added
+    plugin_reader = _plugin_reader(path) if file_format is None else None
+    if plugin_reader is not None:
+        return plugin_reader
     if file_format is None:
         raise _unknown(path)
     try:
         if file_format is FileFormat.CSV:
-            dated = sampling.time_column is not None and sampling.time_unit == ISO
+            is_iso = sampling.time_column is not None and sampling.time_unit == ISO
             times = (
-                IsoTimes(path, sampling.time_column or "", sampling.time_zone, sampling.date_order) if dated else None
+                IsoTimes(path, sampling.time_column or "", sampling.time_zone, sampling.date_order) if is_iso else None
             )
             return CsvColumns(path, layout, times, rows_of=rows_of)
         if rows_of is not None:
@@ -238,15 +238,15 @@ def open_columns(
 def _unknown(path: Path) -> ImportDataError:
     """Return what a file is that no reader takes, and what to do with it."""
     with path.open("rb") as file:
-        what = _no_measurement(file.read(_START_BYTES))
+        content = _no_measurement(file.read(_START_BYTES))
     fault = f": unknown file format '{path.suffix}'" if path.suffix else ": a file name without a suffix"
-    remedy = _REMEDIES.get(path.suffix.lower(), f'Known are {_KNOWN}. If it is text, state [file] format = "csv".')
-    fault, remedy = what or (fault, remedy)
+    remedy = _REMEDIES.get(path.suffix.lower(), f'Known are {_SUFFIXES}. If it is text, state [file] format = "csv".')
+    fault, remedy = content or (fault, remedy)
     return ImportDataError(f"{path}{fault}", remedy.replace("{name}", path.name))
 
 
 def _no_measurement(start: bytes) -> tuple[str, str] | None:
-    return next((what for magic, what in _NO_MEASUREMENT.items() if start.startswith(magic)), None)
+    return next((content for magic, content in _NO_MEASUREMENT.items() if start.startswith(magic)), None)
 
 
 def plugin_fault(_plugin: Plugin, loaded: object) -> Reason | None:

@@ -42,8 +42,8 @@ class Quantiser:
     def of(wheel: ImportedWheel, wheel_scan: WheelScan) -> Quantiser:
         """Return a quantiser with the range of the stated full scale, or else the range that each axis just fills."""
         axes = wheel.axis.present()
-        stated = any(column.full_scale is not None for column in axes.values())
-        top_counts = FULL_SCALE_COUNTS - 1 if stated else 32767
+        has_full_scale = any(column.full_scale is not None for column in axes.values())
+        top_counts = FULL_SCALE_COUNTS - 1 if has_full_scale else 32767
         scales = []
         for axis, column in axes.items():
             peak_mps2 = max(abs(wheel_scan.low_mps2[axis]), abs(wheel_scan.high_mps2[axis]))
@@ -53,7 +53,7 @@ class Quantiser:
                 scales.append((peak_mps2 if peak_mps2 > _ZERO_MPS2 else 1.0) / top_counts)
         return Quantiser(
             scale_mps2=np.array(scales, dtype=np.float32).astype(np.float64),
-            saturation_counts=FULL_SCALE_COUNTS if stated else NEVER_SATURATED_COUNTS,
+            saturation_counts=FULL_SCALE_COUNTS if has_full_scale else NEVER_SATURATED_COUNTS,
         )
 
     def counts(self, values_mps2: FloatArray) -> tuple[NDArray[np.int16], FloatArray]:

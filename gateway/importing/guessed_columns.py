@@ -258,27 +258,27 @@ class _Revolutions(NamedTuple):
 
 
 def _axis(column: Seen, rate_hz: float | None) -> Axis:
-    turns = _Revolutions.of(column.values, rate_hz)
-    is_seen = not math.isnan(turns.expected_mps2)
-    low, middle, high = np.nanpercentile(turns.values, (1.0, 50.0, 99.0))
-    down, up = (turns.down, turns.up) if is_seen else (middle - low, high - middle)
-    steady, depth = float(np.nanmean(turns.values)), float(down if down >= up else -up)
-    unit, why = (column.unit, "stated in the file") if column.is_acceleration else ("", "")
+    revolutions = _Revolutions.of(column.values, rate_hz)
+    is_periodic = not math.isnan(revolutions.expected_mps2)
+    low, middle, high = np.nanpercentile(revolutions.values, (1.0, 50.0, 99.0))
+    down, up = (revolutions.down, revolutions.up) if is_periodic else (middle - low, high - middle)
+    steady, depth = float(np.nanmean(revolutions.values)), float(down if down >= up else -up)
+    unit, reason = (column.unit, "stated in the file") if column.is_acceleration else ("", "")
     doubt, scale = column.fault, None
-    if is_seen:
-        expected_mps2, largest = turns.expected_mps2, max(abs(steady), abs(depth))
+    if is_periodic:
+        expected_mps2, largest = revolutions.expected_mps2, max(abs(steady), abs(depth))
         for name in () if column.unit else _BY_SIZE:
-            if turns.fits(largest * _BY_SIZE[name]):
-                unit, why = name, f"by magnitude: V²/R of its revolutions is {expected_mps2:.0f} m/s²"
+            if revolutions.fits(largest * _BY_SIZE[name]):
+                unit, reason = name, f"by magnitude: V²/R of its revolutions is {expected_mps2:.0f} m/s²"
         size = largest * (column.unit_mps2 or _BY_SIZE.get(unit, 1.0))
-        if not doubt and not (unit and turns.fits(size)):
-            shown = f"its mean and contact are {size:.0f}" if unit else f"no unit makes {size:.4g} fit"
-            doubt = f"V²/R of its revolutions is {expected_mps2:.0f} m/s², {shown}"
+        if not doubt and not (unit and revolutions.fits(size)):
+            mismatch = f"its mean and contact are {size:.0f}" if unit else f"no unit makes {size:.4g} fit"
+            doubt = f"V²/R of its revolutions is {expected_mps2:.0f} m/s², {mismatch}"
         # The contact's depth holds no reading at zero acceleration.
-        in_unit = abs(depth) * (column.unit_mps2 or _BY_SIZE.get(unit, STANDARD_GRAVITY_MPS2))
-        if in_unit > 0.0 and ((not unit and column.unit) or no_unit_fits(in_unit / expected_mps2)):
-            scale = expected_mps2 / in_unit
-    return Axis(column, unit, why, steady, depth, float(np.nanstd(turns.values)), doubt, is_seen, scale)
+        depth_mps2 = abs(depth) * (column.unit_mps2 or _BY_SIZE.get(unit, STANDARD_GRAVITY_MPS2))
+        if depth_mps2 > 0.0 and ((not unit and column.unit) or no_unit_fits(depth_mps2 / expected_mps2)):
+            scale = expected_mps2 / depth_mps2
+    return Axis(column, unit, reason, steady, depth, float(np.nanstd(revolutions.values)), doubt, is_periodic, scale)
 
 
 def _liveliest(values: FloatArray, rate_hz: float | None) -> FloatArray:
@@ -310,16 +310,16 @@ def by_wheel(columns: Sequence[Seen], groups: Mapping[str, Sequence[str]]) -> di
 
 def _sensors(columns: Sequence[Seen], groups: Mapping[str, Sequence[str]]) -> dict[str, str]:
     """Return a name for the sensor of each column, where they are of several."""
-    of_columns = sensor_groups([column.name for column in columns], groups)
-    labels = {label: re.sub(r"[^A-Za-z0-9_.-]+", "_", label).strip("_.-")[:24] for label in of_columns.values()}
+    column_groups = sensor_groups([column.name for column in columns], groups)
+    labels = {label: re.sub(r"[^A-Za-z0-9_.-]+", "_", label).strip("_.-")[:24] for label in column_groups.values()}
     if len(set(labels.values())) < len(labels) or not all(_NAMED.fullmatch(name) for name in labels.values()):
         labels = {label: f"W{number}" for number, label in enumerate(labels, 1)}
-    return {name: labels[label] for name, label in of_columns.items()}
+    return {name: labels[label] for name, label in column_groups.items()}
 
 
 def is_rolling(values: FloatArray, rate_hz: float, unit_mps2: float | None) -> bool:
     """Return whether values repeat as those of a rolling wheel whose V²/R fits, in a unit or in any."""
-    turns = _Revolutions.of(values, rate_hz)
-    size = max(abs(float(np.nanmean(turns.values))), turns.down, turns.up)
+    revolutions = _Revolutions.of(values, rate_hz)
+    size = max(abs(float(np.nanmean(revolutions.values))), revolutions.down, revolutions.up)
     units = (unit_mps2,) if unit_mps2 is not None else _BY_SIZE.values()
-    return any(turns.fits(size * unit) for unit in units)
+    return any(revolutions.fits(size * unit) for unit in units)

@@ -22,24 +22,24 @@ _SINCE_1970_S: Final = (0.95e9, 4.1e9)
 # Day numbers of the same years, and the day of each on which 1970 began: of Excel and of MATLAB.
 _DAYS: Final = (((36_500.0, 73_100.0), 25_569.0), ((730_500.0, 767_100.0), 719_529.0))
 # Rounding repeats a larger share of the times, or none.
-_MOST_COMPARED: Final = 4
+_MAX_COMPARED: Final = 4
 # Share of steps that skip no sample in a column of times with gaps.
-_MOSTLY: Final = 0.8
+_REGULAR_SHARE: Final = 0.8
 _FEW_REPEATS: Final = 0.01
 # Steps by which rounding to the coarsest grid that an import takes moves a time.
-_MOST_OFF: Final = 0.7
+_MAX_OFFSET_STEPS: Final = 0.7
 # Times that repeat more often are coarser than an import takes, which is 1.2 sample intervals.
-_MOST_REPEATS: Final = 0.2
+_MAX_REPEAT_SHARE: Final = 0.2
 
 
 def find_time(finite: Sequence[tuple[Seen, FloatArray]], guess: Guess) -> None:
     """Find the column of times, those with such a name or unit first; else say what is wrong with one."""
-    beside = [column for column, _ in finite if column.says_acceleration][:_MOST_COMPARED]
+    accelerations = [column for column, _ in finite if column.says_acceleration][:_MAX_COMPARED]
     ordered = sorted(finite, key=lambda pair: not _is_named_time(pair[0]))
     named = [(column, values) for column, values in finite if _is_named_time(column)]
-    if any(_is_time(column, values, guess, LIKELY_HZ, beside) for column, values in ordered):
+    if any(_is_time(column, values, guess, LIKELY_HZ, accelerations) for column, values in ordered):
         return
-    if any(_is_time(column, values, guess, (_SLOWEST_HZ, LIKELY_HZ[0]), beside) for column, values in named):
+    if any(_is_time(column, values, guess, (_SLOWEST_HZ, LIKELY_HZ[0]), accelerations) for column, values in named):
         return
     for column, values in named:
         stamped, fill = _without_fill(column, values)
@@ -52,7 +52,7 @@ def find_time(finite: Sequence[tuple[Seen, FloatArray]], guess: Guess) -> None:
 def _without_fill(column: Seen, values: FloatArray) -> tuple[Seen, str]:
     """Return a column without the number that most rows have instead of a time, and what is said of that."""
     unique, counts = np.unique(values, return_counts=True)
-    if not len(unique) or counts.max() <= _MOSTLY * len(values) or len(unique) < 3:
+    if not len(unique) or counts.max() <= _REGULAR_SHARE * len(values) or len(unique) < 3:
         return column, "unevenly"
     fill = unique[np.argmax(counts)]
     stamps = np.where(column.values == fill, np.nan, column.values)
@@ -78,7 +78,7 @@ def _time_units(column: Seen, values: FloatArray) -> list[str]:
 
 def _since_1970_d(days: float) -> float | None:
     """Return a day number as days since 1970, None where it is none of the years 2000 to 2100."""
-    return next((days - begin for (low, high), begin in _DAYS if low < days < high), None)
+    return next((days - epoch_d for (low, high), epoch_d in _DAYS if low < days < high), None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +108,7 @@ class _Times:
         values = counter.look(values)
         rows = np.flatnonzero(np.isfinite(column.values))
         steps, spans = np.diff(values), np.diff(rows)
-        if len(steps) < 2 or not (steps >= 0).all() or not steps.any() or np.mean(steps == 0.0) > _MOST_REPEATS:
+        if len(steps) < 2 or not (steps >= 0).all() or not steps.any() or np.mean(steps == 0.0) > _MAX_REPEAT_SHARE:
             return None
         skipped = _skipped(steps) if (spans == 1).all() else np.zeros(len(steps), dtype=np.intp)
         # Times may be rounded, but their trend is straight.
@@ -119,7 +119,7 @@ class _Times:
         if float(np.abs(values - trend).max()) > farthest * float(spans.max()):
             return None
         # Rounding repeats times, but leaves them near their line.
-        if not steps.all() and line_through(places, values)[1] > _MOST_OFF * step:
+        if not steps.all() and line_through(places, values)[1] > _MAX_OFFSET_STEPS * step:
             return None
         if np.median(spans) > 1.0 and float(np.abs(steps - step * spans).max()) > 0.5 * step:
             return None
@@ -135,13 +135,13 @@ class _Times:
         Without a stated unit, a slow rate in a larger unit counts first: a smaller unit only where accelerations then
         show the revolutions of a wheel.
         """
-        stated = self.column.unit
+        stated_unit = self.column.unit
         for unit in units:
             rate_hz = self.rate_hz(unit)
             # Another unit than the stated one counts where that allows no rate at all.
-            if stated in TIME_UNITS_S and unit != stated and self.rate_hz(stated) < LIKELY_HZ[1]:
+            if stated_unit in TIME_UNITS_S and unit != stated_unit and self.rate_hz(stated_unit) < LIKELY_HZ[1]:
                 return None
-            is_slow = unit not in (stated, units[-1]) and _SLOWEST_HZ <= rate_hz < LIKELY_HZ[0]
+            is_slow = unit not in (stated_unit, units[-1]) and _SLOWEST_HZ <= rate_hz < LIKELY_HZ[0]
             if is_slow and rates_hz == LIKELY_HZ and not _roll(beside, 1e3 * rate_hz):
                 return None
             if rates_hz[0] <= rate_hz <= rates_hz[1] and (TIME.search(self.column.name) or self.step != 1.0):
@@ -162,9 +162,9 @@ class _Times:
         if gaps:
             return f"{int(self.skipped.sum())} samples are missing in {gaps} gap{'s' * (gaps > 1)}"
         if unit != likeliest:
-            said = f"its name says {likeliest}, in which"
-            said = said if column.unit in TIME_UNITS_S else f"no unit is stated: in {likeliest}"
-            return f"{said} it would be {rate_hz * TIME_UNITS_S[unit] / TIME_UNITS_S[likeliest]:.6g} Hz"
+            remark = f"its name says {likeliest}, in which"
+            remark = remark if column.unit in TIME_UNITS_S else f"no unit is stated: in {likeliest}"
+            return f"{remark} it would be {rate_hz * TIME_UNITS_S[unit] / TIME_UNITS_S[likeliest]:.6g} Hz"
         steps = np.diff(self.values)
         if 0 < np.count_nonzero(steps == 0.0) < _FEW_REPEATS * len(steps):
             return f"repeats in {column.where(int(self.rows[np.argmin(steps) + 1]))}"
@@ -172,14 +172,14 @@ class _Times:
 
 
 def _is_time(
-    column: Seen, values: FloatArray, guess: Guess, rates_hz: tuple[float, float], beside: Sequence[Seen]
+    column: Seen, values: FloatArray, guess: Guess, rates_hz: tuple[float, float], accelerations: Sequence[Seen]
 ) -> bool:
     """Note a column of uniform times, with its unit."""
     times = _Times.of(column, values)
     if times is None:
         return False
     units = _time_units(column, times.values)
-    unit = times.unit(units, rates_hz, beside)
+    unit = times.unit(units, rates_hz, accelerations)
     if unit is None:
         return False
     guess.time, guess.time_unit, guess.rate_hz = column.name, unit, times.rate_hz(unit)
@@ -192,53 +192,53 @@ def _is_time(
     return True
 
 
-def _roll(beside: Sequence[Seen], rate_hz: float) -> bool:
+def _roll(accelerations: Sequence[Seen], rate_hz: float) -> bool:
     """Return whether an acceleration shows the revolutions of a wheel at a rate."""
-    return any(is_rolling(column.values, rate_hz, column.unit_mps2) for column in beside)
+    return any(is_rolling(column.values, rate_hz, column.unit_mps2) for column in accelerations)
 
 
 def _skipped(steps: FloatArray) -> IntArray:
     """Return the number of samples that each step skips, where most skip none and the others whole numbers."""
     typical = float(np.median(steps))
-    none: IntArray = np.zeros(len(steps), dtype=np.intp)
+    zeros: IntArray = np.zeros(len(steps), dtype=np.intp)
     if not typical > 0.0:
-        return none
-    whole = np.rint(steps / typical)
-    fits_whole = (np.abs(steps / typical - whole) <= TOLERANCE) & (whole >= 1.0)
-    if not fits_whole.all() or np.mean(whole == 1.0) < _MOSTLY or (whole > 1.0).sum() == 0:
-        return none
-    return (whole - 1.0).astype(np.intp)
+        return zeros
+    multiples = np.rint(steps / typical)
+    fits_whole = (np.abs(steps / typical - multiples) <= TOLERANCE) & (multiples >= 1.0)
+    if not fits_whole.all() or np.mean(multiples == 1.0) < _REGULAR_SHARE or (multiples > 1.0).sum() == 0:
+        return zeros
+    return (multiples - 1.0).astype(np.intp)
 
 
 def _usual_step(steps: FloatArray) -> float:
     """Return the mean step of times, without those of gaps where most are alike."""
     typical = float(np.median(steps))
-    regular = np.abs(steps - typical) <= 0.5 * typical
-    return float(steps[regular].mean()) if typical > 0.0 and np.mean(regular) > 0.9 else float(steps.mean())
+    is_regular = np.abs(steps - typical) <= 0.5 * typical
+    return float(steps[is_regular].mean()) if typical > 0.0 and np.mean(is_regular) > 0.9 else float(steps.mean())
 
 
-def _time_fault(column: Seen, values: FloatArray, between: str) -> tuple[str, float | None] | None:
+def _time_fault(column: Seen, values: FloatArray, spacing: str) -> tuple[str, float | None] | None:
     """Return why a column of times cannot be used, and the rate by its regular steps; None where it is no time."""
     steps = np.diff(values)
     rows = np.flatnonzero(np.isfinite(column.values))
     if len(rows) > 2 and float(np.median(np.diff(rows))) > 1.0 and (steps > 0.0).all():
-        each = float(np.median(np.diff(rows)))
+        rows_per_time = float(np.median(np.diff(rows)))
         rate_hz = _likely_hz(column, values, float(values[-1] - values[0]) / float(rows[-1] - rows[0]))
-        return _with_rate(f"'{column.name}' has a time once in {each:.4g} rows, {between}", rate_hz)
-    if len(steps) > 2 and (steps >= 0.0).all() and np.mean(steps == 0.0) > _MOST_REPEATS:
+        return _with_rate(f"'{column.name}' has a time once in {rows_per_time:.4g} rows, {spacing}", rate_hz)
+    if len(steps) > 2 and (steps >= 0.0).all() and np.mean(steps == 0.0) > _MAX_REPEAT_SHARE:
         return _block_clock(column, values, steps)
     typical = float(np.median(steps)) if len(steps) > 2 else 0.0
-    regular = np.abs(steps - typical) <= 0.5 * typical
-    if typical <= 0.0 or np.mean(regular) < 0.5:
+    is_regular = np.abs(steps - typical) <= 0.5 * typical
+    if typical <= 0.0 or np.mean(is_regular) < 0.5:
         return None
     wrong = np.flatnonzero(steps <= 0.0)
-    what = "steps back" if len(wrong) and steps[wrong[0]] < 0.0 else "repeats"
+    event = "steps back" if len(wrong) and steps[wrong[0]] < 0.0 else "repeats"
     if not len(wrong):
-        wrong, what = np.flatnonzero(~regular), "skips"
+        wrong, event = np.flatnonzero(~is_regular), "skips"
     if not len(wrong):
         return _rate_change(column, values, steps)
-    reason = f"'{column.name}' {what} in {column.where(int(rows[wrong[0] + 1]))}"
-    return _with_rate(reason, _likely_hz(column, values, float(steps[regular].mean())))
+    reason = f"'{column.name}' {event} in {column.where(int(rows[wrong[0] + 1]))}"
+    return _with_rate(reason, _likely_hz(column, values, float(steps[is_regular].mean())))
 
 
 def _with_rate(reason: str, rate_hz: float | None) -> tuple[str, float | None]:
@@ -249,7 +249,7 @@ def _rate_change(column: Seen, values: FloatArray, steps: FloatArray) -> tuple[s
     """Return that the rate of even times is another at the end than at the beginning, and that of the beginning."""
     part = max(1, len(steps) // 10)
     first_hz, last_hz = (
-        _likely_hz(column, values, float(steps[at].mean())) for at in (slice(part), slice(-part, None))
+        _likely_hz(column, values, float(steps[section].mean())) for section in (slice(part), slice(-part, None))
     )
     if first_hz is None or last_hz is None:
         return None
@@ -266,8 +266,8 @@ def _block_clock(column: Seen, values: FloatArray, steps: FloatArray) -> tuple[s
         return None
     rows = int(advances[-1] - advances[0])
     span = float(values[advances[-1] + 1] - values[advances[0] + 1])
-    each = rows / (len(advances) - 1)
-    return _with_rate(f"'{column.name}' advances once in {each:.4g} rows", _likely_hz(column, values, span / rows))
+    spacing = rows / (len(advances) - 1)
+    return _with_rate(f"'{column.name}' advances once in {spacing:.4g} rows", _likely_hz(column, values, span / rows))
 
 
 def _likely_hz(column: Seen, values: FloatArray, step: float) -> float | None:

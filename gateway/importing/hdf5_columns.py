@@ -88,7 +88,7 @@ class Hdf5Columns:
         self._unusable: dict[str, tuple[str, str]] = {}
         self._dates: dict[str, int | None] = {}
         self._rates_hz: dict[str, float] = {}
-        self._stated: list[tuple[str, str, str]] = []
+        self._conditions: list[tuple[str, str, str]] = []
         # Datasets that state step and start.
         self._waveforms = WaveformColumns(path)
         self._objects: set[str] = set()
@@ -106,7 +106,7 @@ class Hdf5Columns:
             unusable=dict(self._unusable),
             dates=dict(self._dates),
             rates_hz=self._rates_hz,
-            stated=self._stated,
+            stated=self._conditions,
         )
 
     def blocks(self, names: Sequence[str]) -> Iterator[Block]:
@@ -122,7 +122,7 @@ class Hdf5Columns:
         count = columns[0].rows if columns else 0
         for first in range(0, count, BLOCK_ROWS):
             end = min(first + BLOCK_ROWS, count)
-            values = np.column_stack([_read(column, first, end) for column in columns])
+            values = np.column_stack([_read_rows(column, first, end) for column in columns])
             yield Block(first, values, row_places(first), end / count)
 
     def close(self) -> None:
@@ -130,17 +130,17 @@ class Hdf5Columns:
         self._columns.clear()
         self._file.close()
 
-    def _add_group(self, prefix: str, group: h5py.Group, depth: int, above: frozenset[int]) -> None:
+    def _add_group(self, prefix: str, group: h5py.Group, depth: int, ancestors: frozenset[int]) -> None:
         import h5py
 
         address = h5py.h5o.get_info(group.id).addr
-        if depth > _MAX_DEPTH or address in above:
+        if depth > _MAX_DEPTH or address in ancestors:
             return
         if depth and "MATLAB_sparse" in group.attrs:
             self._unusable[prefix] = ("is a sparse matrix", "Save it as a full one: full(x).")
             return
         self._note_rates(prefix, group)
-        between = "." if self._matlab else "/"
+        separator = "." if self._matlab else "/"
         for key in group:
             if self._matlab and not depth and key.startswith("#"):
                 continue
@@ -149,16 +149,16 @@ class Hdf5Columns:
                 raise ImportDataError(
                     f"{self._path} has more than {_MAX_OBJECTS} objects", "Copy the columns of one run to a new file."
                 )
-            name = f"{prefix}{between}{printable(key)}" if prefix else printable(key)
+            name = f"{prefix}{separator}{printable(key)}" if prefix else printable(key)
             try:
-                self._add_link(name, group, key, depth, above | {address})
+                self._add_link(name, group, key, depth, ancestors | {address})
             except (MemoryError, ImportDataError):
                 raise
             except Exception as error:  # one damaged object leaves the others
                 cause = next(iter(str(error).splitlines()), "")[:200] or type(error).__name__
                 self._unusable[name] = (f"is damaged: {cause}", "Write the file again.")
 
-    def _add_link(self, name: str, group: h5py.Group, key: str, depth: int, above: frozenset[int]) -> None:
+    def _add_link(self, name: str, group: h5py.Group, key: str, depth: int, ancestors: frozenset[int]) -> None:
         import h5py
 
         if isinstance(group.get(key, getlink=True), h5py.ExternalLink):
@@ -166,7 +166,7 @@ class Hdf5Columns:
             return
         member = group[key]
         if isinstance(member, h5py.Group):
-            self._add_group(name, member, depth + 1, above)
+            self._add_group(name, member, depth + 1, ancestors)
         elif isinstance(member, h5py.Dataset):
             self._add(name, member)
 
@@ -200,8 +200,8 @@ class Hdf5Columns:
         elif h5py.check_ref_dtype(data.dtype) is not None:
             self._unusable[name] = ("is a list of references", _AS_VECTORS)
         elif kind not in "iufb":
-            text = kind in "SU" or h5py.check_string_dtype(data.dtype) is not None
-            self._unusable[name] = ("is text" if text else f"is of type {data.dtype}", _AS_VECTORS)
+            is_text = kind in "SU" or h5py.check_string_dtype(data.dtype) is not None
+            self._unusable[name] = ("is text" if is_text else f"is of type {data.dtype}", _AS_VECTORS)
         else:
             self._add_numbers(name, data)
 
@@ -225,7 +225,7 @@ class Hdf5Columns:
             rate_hz = rate_of(key, _attribute(holder, key))
             if rate_hz is not None:
                 self._rates_hz[f"{name}@{printable(key)}"] = rate_hz
-        self._stated += conditions_in({printable(key): _attribute(holder, key) for key in holder.attrs}, name)
+        self._conditions += conditions_in({printable(key): _attribute(holder, key) for key in holder.attrs}, name)
 
     def _add_numbers(self, name: str, data: h5py.Dataset) -> None:
         shape = data.shape
@@ -234,12 +234,12 @@ class Hdf5Columns:
         if rate_hz is not None:
             self._rates_hz[name] = rate_hz
         unit = _attribute(data, "units") or _attribute(data, "unit") or _attribute(data, "Units")
-        added = []
+        columns = []
         if len(shape) == 1:
-            added = [(name, _Column(data, shape[0]))]
+            columns = [(name, _Column(data, shape[0]))]
         elif len(shape) == 2 and min(shape) == 1:
             axis = int(np.argmax(shape))
-            added = [(name, _Column(data, shape[axis], axis))] if max(shape) > 1 else []
+            columns = [(name, _Column(data, shape[axis], axis))] if max(shape) > 1 else []
         elif len(shape) == 2:
             # MATLAB writes columns first: a row of the dataset is a column of the matrix.
             axis = 1 if self._matlab else 0
@@ -249,16 +249,16 @@ class Hdf5Columns:
                     "A column is one quantity: transpose it, and save again.",
                 )
             else:
-                added = [(f"{name}(:,{k + 1})", _Column(data, shape[axis], axis, k)) for k in range(shape[1 - axis])]
+                columns = [(f"{name}(:,{k + 1})", _Column(data, shape[axis], axis, k)) for k in range(shape[1 - axis])]
         elif shape:
             self._unusable[name] = (f"has {len(shape)} dimensions", _AS_VECTORS)
         step_s = next((1.0 / hz for key in data.attrs if (hz := rate_of(key, _attribute(data, key)))), 0.0)
         start_s = next((_number(_attribute(data, key)) for key in data.attrs if _START.fullmatch(key)), None)
-        for column_name, column in added:
+        for column_name, column in columns:
             self._columns[column_name] = column
             if start_s is not None:
-                read = functools.partial(_read, column)
-                self._waveforms.waveforms[column_name] = Waveform(column.rows, read, step_s, unit, start_s)
+                read_rows = functools.partial(_read_rows, column)
+                self._waveforms.waveforms[column_name] = Waveform(column.rows, read_rows, step_s, unit, start_s)
             if unit:
                 self._units[column_name] = printable(unit)
 
@@ -313,7 +313,7 @@ def _number(text: str) -> float | None:
         return None
 
 
-def _read(column: _Column, first: int, end: int) -> FloatArray:
+def _read_rows(column: _Column, first: int, end: int) -> FloatArray:
     data = column.data
     if column.field is not None:
         values = data.fields(column.field)[first:end]

@@ -45,23 +45,23 @@ def stated_conditions(lines: Mapping[str, str]) -> list[tuple[str, str, str]]:
     Args:
         lines: texts by their places.
     """
-    stated: dict[str, tuple[str, str, str]] = {}
+    conditions: dict[str, tuple[str, str, str]] = {}
     for line_text, line in lines.items():
         if match := _TIRE.search(line):
-            stated.setdefault("tire", ("tire", f'"{match[0]}"', line_text))
+            conditions.setdefault("tire", ("tire", f'"{match[0]}"', line_text))
         for key, pattern, units in (("load_n", _LOAD, _LOADS_N), ("pressure_kpa", _PRESSURE, _PRESSURES_KPA)):
             if match := pattern.search(line):
                 unit = match["unit"] or (_UNIT.search(match["before"]) or [""])[0]
                 if unit.lower() in units:
                     value = float(match["value"].replace(",", ".")) * units[unit.lower()]
-                    stated.setdefault(key, (key, f"{value:.6g}", line_text))
+                    conditions.setdefault(key, (key, f"{value:.6g}", line_text))
         if (match := _DATE.search(line)) and (day := _day(match)):
-            either = match["mark"] == "/" and int(match["day_2"]) <= 12 and int(match["month_2"]) <= 12
-            stated.setdefault("date", ("date", day, f"{line_text}, day first" if either else line_text))
+            is_ambiguous = match["mark"] == "/" and int(match["day_2"]) <= 12 and int(match["month_2"]) <= 12
+            conditions.setdefault("date", ("date", day, f"{line_text}, day first" if is_ambiguous else line_text))
         if match := _CLOCK.search(line):
             hour = int(match[1]) if match[4] is None else int(match[1]) % 12 + 12 * (match[4] in "pP")
-            stated.setdefault("clock", ("clock", f"{hour:02}:{match[2]}:{match[3] or '00'}", line_text))
-    return list(stated.values())
+            conditions.setdefault("clock", ("clock", f"{hour:02}:{match[2]}:{match[3] or '00'}", line_text))
+    return list(conditions.values())
 
 
 def _day(match: re.Match[str]) -> str | None:

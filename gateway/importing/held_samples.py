@@ -11,15 +11,15 @@ import numpy as np
 from gateway.core.types import FloatArray
 
 # Shorter runs hide no contact.
-_SHORTEST: Final = 8
+_MIN_RUN_STEPS: Final = 8
 # Number of runs that may be by chance.
 _CHANCE: Final = 1e-6
-_REMEMBERED: Final = 10_000
+_MAX_RUNS: Final = 10_000
 # Runs of a single axis up to this number, or one in so many samples: in each contact a quiet signal may stay.
 _MAX_QUIET_RUNS: Final = 3
-_ONE_IN: Final = 10_000
+_SAMPLES_PER_RUN: Final = 10_000
 # Share of the samples in several runs of an axis that is quiet against its steps.
-_QUIET: Final = 0.2
+_QUIET_SHARE: Final = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,8 +44,8 @@ class HeldSamples:
 
     def __init__(self, axes: int) -> None:
         """Take the number of axes."""
-        each = [(axis,) for axis in range(axes)]
-        self._finders = [_Runs(columns) for columns in ([tuple(range(axes)), *each] if axes > 1 else each)]
+        singles = [(axis,) for axis in range(axes)]
+        self._finders = [_Runs(columns) for columns in ([tuple(range(axes)), *singles] if axes > 1 else singles)]
 
     def add(self, values: FloatArray) -> None:
         """Add (n, axes) consecutive samples, NaN in gaps."""
@@ -82,9 +82,9 @@ class _Runs:
         ends = [first + int(k) for k in edges if k == len(equal) or not equal[k]]
         if self._length:
             begins.insert(0, first - self._length)
-        goes_on = bool(len(equal)) and bool(equal[-1])
+        is_open = bool(len(equal)) and bool(equal[-1])
         for begin, end in zip(begins, ends, strict=False):
-            if goes_on and end == first + len(equal):
+            if is_open and end == first + len(equal):
                 self._length = end - begin
                 break
             self._note(begin, end, float(joined[max(end - first, 0), 0]))
@@ -98,23 +98,23 @@ class _Runs:
         if self._length and self._last is not None:
             self._note(self._rows - 1 - self._length, self._rows - 1, float(self._last[0]))
             self._length = 0
-        inside = sum(length for _, length, _ in self._runs)
-        share = (self._equal - inside + 1) / (self._steps - inside + 2)
+        run_steps = sum(length for _, length, _ in self._runs)
+        share = (self._equal - run_steps + 1) / (self._steps - run_steps + 2)
         # Rows times the chance of a run of n equal steps.
-        shortest = math.log(_CHANCE / max(self._steps, 1)) / math.log(share) if 0.0 < share < 1.0 else math.inf
+        min_length = math.log(_CHANCE / max(self._steps, 1)) / math.log(share) if 0.0 < share < 1.0 else math.inf
         runs = [
             (begin, length)
             for begin, length, value in self._runs
-            if length >= max(_SHORTEST, shortest) and value not in (self._low, self._high)
+            if length >= max(_MIN_RUN_STEPS, min_length) and value not in (self._low, self._high)
         ]
         samples = sum(length + 1 for _, length in runs)
-        is_quiet = len(runs) > max(_MAX_QUIET_RUNS, self._rows / _ONE_IN) or (
-            len(runs) > 1 and samples > _QUIET * self._rows
+        is_quiet = len(runs) > max(_MAX_QUIET_RUNS, self._rows / _SAMPLES_PER_RUN) or (
+            len(runs) > 1 and samples > _QUIET_SHARE * self._rows
         )
         if not runs or (len(self.axes) == 1 and is_quiet):
             return None
         return Held(self.axes, len(runs), samples, runs[0][0])
 
     def _note(self, begin: int, end: int, value: float) -> None:
-        if end - begin >= _SHORTEST and len(self._runs) < _REMEMBERED:
+        if end - begin >= _MIN_RUN_STEPS and len(self._runs) < _MAX_RUNS:
             self._runs.append((begin, end - begin, value))

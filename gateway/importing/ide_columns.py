@@ -67,17 +67,17 @@ class IdeColumns:
 
     def _damage(self) -> tuple[str, ...]:
         """Return what idelib passes over: elements that it does not know behind the last block, and broken ones."""
-        begin: int | None = None
+        unknown_offset: int | None = None
         try:
             for element in self._file.ebmldoc:
                 is_unknown = element.name == "UnknownElement"
-                begin = (element.offset if begin is None else begin) if is_unknown else None
+                unknown_offset = (element.offset if unknown_offset is None else unknown_offset) if is_unknown else None
             is_broken = bool(self._file.fileDamaged)
         except Exception:  # of ebmlite
             is_broken = True
-        if begin is None and not is_broken:
+        if unknown_offset is None and not is_broken:
             return ()
-        where = "" if begin is None else f" behind byte {begin}"
+        where = "" if unknown_offset is None else f" behind byte {unknown_offset}"
         return (f"the file is damaged{where}, and the rest of it is not read",)
 
     def blocks(self, names: Sequence[str]) -> Iterator[Block]:

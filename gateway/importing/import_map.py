@@ -113,7 +113,7 @@ SUFFIXES: Final[dict[str, FileFormat]] = {
 }
 
 
-def _one_of(names: Mapping[str, object]) -> Any:
+def _choice_of(names: Mapping[str, object]) -> Any:
     def check(value: object) -> object:
         if isinstance(value, str) and value not in names:
             guess = nearest(value, names)
@@ -166,7 +166,7 @@ class FileLayout(Section):
     format: Annotated[FileFormat | None, BeforeValidator(_file_format)] = Field(
         default=None, description="file format; default: by its first bytes, or else its suffix"
     )
-    delimiter: Annotated[str, _one_of(DELIMITERS)] = Field(default="comma", description="separator of the columns")
+    delimiter: Annotated[str, _choice_of(DELIMITERS)] = Field(default="comma", description="separator of the columns")
     decimal: Literal[".", ","] = Field(default=".", description="decimal separator")
     encoding: str = Field(default="utf-8", description="character encoding, such as utf-8 or latin-1")
     skip_rows: int = within(0, 0, 100_000, "number of lines to skip before the header")
@@ -194,7 +194,7 @@ class Sampling(Section):
         f"{CLOCK_STD_PERCENT:g} of a time column",
     )
     time_column: str | None = Field(default=None, description="name of the time column, instead of rate_hz")
-    time_unit: Annotated[str, _one_of(TIME_UNITS_S)] = Field(
+    time_unit: Annotated[str, _choice_of(TIME_UNITS_S)] = Field(
         default="s",
         description="unit of the time column; d for the day numbers of Excel and MATLAB, iso for dates with times "
         "(ISO 8601) or times of day",
@@ -227,7 +227,7 @@ class AxisColumn(Section):
     """`[axis.radial]`, `[axis.lateral]`, `[axis.circumferential]`: column and scale of one axis."""
 
     column: str = Field(description="name of the column")
-    unit: Annotated[str, _one_of(ACCELERATION_UNITS_MPS2)] = Field(description="unit of the column")
+    unit: Annotated[str, _choice_of(ACCELERATION_UNITS_MPS2)] = Field(description="unit of the column")
     scale: float = within(
         1.0, 1e-9, 1e9, "size of 1 in the column in that unit, where it holds counts or volts: 100 for V of 10 mV/g"
     )
@@ -285,7 +285,7 @@ class EnvironmentColumns(Section):
     """`[environment]`: columns of pressure and temperature."""
 
     pressure_column: str | None = Field(default=None, description="name of the column of the gauge pressure")
-    pressure_unit: Annotated[str, _one_of(PRESSURE_UNITS_PA)] = Field(
+    pressure_unit: Annotated[str, _choice_of(PRESSURE_UNITS_PA)] = Field(
         default="kPa", description="unit of the pressure column"
     )
     temperature_column: str | None = Field(
@@ -361,7 +361,7 @@ class ReferenceColumn(Section):
         description="name of the reference: 1 to 40 letters, digits, '_', '.' or '-'",
     )
     column: str = Field(description="name of the column")
-    quantity: Annotated[str, _one_of(REFERENCE_UNITS)] = Field(
+    quantity: Annotated[str, _choice_of(REFERENCE_UNITS)] = Field(
         description="speed, rotation (a rate), angle (of an encoder), pulses (of a tachometer), or a channel of the "
         "rig, which may vary: load, side_force, slip_angle, camber, torque"
     )
@@ -409,13 +409,13 @@ class ImportMap(Section):
         """Return the wheels in the file, also a single one."""
         if self.wheel:
             return self.wheel
-        stated = self.conditions
+        conditions = self.conditions
         return (
             ImportedWheel(
-                position=stated.position,
+                position=conditions.position,
                 sensor_id=self.sensor.sensor_id,
-                load_n=stated.load_n,
-                load_std_n=stated.load_std_n,
+                load_n=conditions.load_n,
+                load_std_n=conditions.load_std_n,
                 axis=self.axis,
                 environment=self.environment,
                 mounting=self.mounting,
@@ -460,15 +460,15 @@ class ImportMap(Section):
             rounding_std: relative error of the rate by rounded times.
             loads_n: measured mean load of a wheel with its error, for wheels whose load is not stated.
         """
-        stated = self.conditions
+        conditions = self.conditions
         tire = Tire(
-            size=stated.tire,
-            radius_mm=ASSUMED_RADIUS_MM if stated.radius_mm is None else stated.radius_mm,
-            radius_std_mm=ASSUMED_RADIUS_STD_MM if stated.radius_mm is None else None,
-            pressure_kpa=stated.pressure_kpa,
-            pressure_std_kpa=stated.pressure_std_kpa,
-            temperature_degc=stated.temperature_degc,
-            ring_thickness_mm=stated.ring_thickness_mm,
+            size=conditions.tire,
+            radius_mm=ASSUMED_RADIUS_MM if conditions.radius_mm is None else conditions.radius_mm,
+            radius_std_mm=ASSUMED_RADIUS_STD_MM if conditions.radius_mm is None else None,
+            pressure_kpa=conditions.pressure_kpa,
+            pressure_std_kpa=conditions.pressure_std_kpa,
+            temperature_degc=conditions.temperature_degc,
+            ring_thickness_mm=conditions.ring_thickness_mm,
         )
         measured = {} if loads_n is None else loads_n
         wheels = tuple(
@@ -486,7 +486,7 @@ class ImportMap(Section):
             for number, wheel in enumerate(self.wheels())
         )
         assumed = (*self.assumptions(), *more_assumed)
-        return VehicleConfig(vehicle=Vehicle(name=stated.name, assumed=assumed), tire=tire, wheel=wheels)
+        return VehicleConfig(vehicle=Vehicle(name=conditions.name, assumed=assumed), tire=tire, wheel=wheels)
 
 
 def _own_tire(wheel: ImportedWheel) -> Tire:
@@ -609,12 +609,12 @@ def _wheel_faults(prefix: str, wheel: Mapping[str, Any], data: Mapping[str, Any]
             yield Fault(f"{prefix}{error}", show(wheel[error]), f"it needs {value} too")
 
 
-def _repeated(texts: Mapping[str, object], said: Callable[[str], str]) -> Iterator[Fault]:
-    """Yield keys with the text of an earlier one, whose key `said` gets."""
+def _repeated(texts: Mapping[str, object], describe: Callable[[str], str]) -> Iterator[Fault]:
+    """Yield keys with the text of an earlier one, whose key `describe` gets."""
     first: dict[str, str] = {}
     for key, text in texts.items():
         if isinstance(text, str) and first.setdefault(text, key) != key:
-            yield Fault(key, show(text), said(first[text]))
+            yield Fault(key, show(text), describe(first[text]))
 
 
 def _reference_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
@@ -635,8 +635,8 @@ def _reference_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
                 if pulse_key in reference:
                     yield Fault(f"{key}.{pulse_key}", show(reference[pulse_key]), 'only for quantity = "pulses"')
         names[f"{key}.name"] = reference.get("name")
-        stated = reference.get("wheels", ())
-        for wheel in stated if isinstance(stated, list) else ():
+        named_wheels = reference.get("wheels", ())
+        for wheel in named_wheels if isinstance(named_wheels, list) else ():
             if wheel not in positions:
                 yield Fault(f"{key}.wheels", show(wheel), f"the wheels are {', '.join(map(str, positions))}")
     yield from _repeated(names, lambda _: "another reference has the same name")

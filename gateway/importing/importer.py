@@ -169,9 +169,9 @@ def parts_of(path: Path) -> tuple[Path, ...]:
     files = [entry for entry in path.iterdir() if entry.is_file() and not entry.name.startswith((".", "_"))]
     kinds = sorted({file.suffix.lower() for file in files})
     if len(kinds) != 1:
-        shown = ", ".join(kinds) or "nothing"
+        kinds_text = ", ".join(kinds) or "nothing"
         raise ImportDataError(
-            f"{path} is a folder of several kinds of files: {shown}" if kinds else f"{path} is an empty folder",
+            f"{path} is a folder of several kinds of files: {kinds_text}" if kinds else f"{path} is an empty folder",
             "Give the files of one measurement, in the order of time.",
         )
     return tuple(sorted(files, key=lambda file: [int(p) if p.isdigit() else p for p in re.split(r"(\d+)", file.name)]))
@@ -185,7 +185,7 @@ def _import_sensors(
     if len(paths) > 1:
         raise ImportDataError(f"{path}: several files have a sensor_column", "Join their lines to one file.")
     with contextlib.ExitStack() as stack:
-        begins: list[float] = []
+        starts: list[float] = []
         wheels = []
         for wheel in import_map.wheels():
             reader = open_columns(path, import_map, rows_of=(import_map.file.sensor_column or "", wheel.sensor or ""))
@@ -195,19 +195,19 @@ def _import_sensors(
                 for reference in import_map.reference
                 if not reference.wheels or wheel.position in reference.wheels
             )
-            own = import_map.model_copy(update={"wheel": (wheel,), "reference": references})
-            require_columns(reader, path, own.columns())
+            part = import_map.model_copy(update={"wheel": (wheel,), "reference": references})
+            require_columns(reader, path, part.columns())
             first = reader.sample([time_column or wheel.radial.column])
             if first is None:
                 raise ImportDataError(
                     f"{path}: no row has '{wheel.sensor}' in column '{import_map.file.sensor_column}'",
                     f"Check the sensor of wheel {wheel.position}.",
                 )
-            begins.append(_first_s(first.values[:, 0], import_map) + _dated_s(reader, import_map))
-            wheels.append((reader, own))
-        begin_s = min(begins)
-        rows = [WheelRows(reader, own, own_s - begin_s) for (reader, own), own_s in zip(wheels, begins, strict=True)]
-        facts = wheels[begins.index(begin_s)][0].facts
+            starts.append(_first_s(first.values[:, 0], import_map) + _dated_s(reader, import_map))
+            wheels.append((reader, part))
+        zero_s = min(starts)
+        rows = [WheelRows(reader, part, start - zero_s) for (reader, part), start in zip(wheels, starts, strict=True)]
+        facts = wheels[starts.index(zero_s)][0].facts
         start_ns, start_is_file_date = _stated_start_ns(path, facts, import_map)
         return import_wheels(path, rows, import_map, start_ns, out, progress, start_is_file_date=start_is_file_date)
 
@@ -253,16 +253,16 @@ class _WheelStream:
         self._errors_mps2 = np.zeros(len(self._quantiser.scale_mps2))
         self._lines, self._findings = _bridges(self._scan)
         self._findings += _unit_findings(import_map, wheel, self._scan, file_scan.rate_hz)
-        if (held := self._scan.held) is not None:
+        if (repeats := self._scan.held) is not None:
             names = [axis.name.lower() for axis in wheel.axis.present()]
             source_hz = file_scan.rate_hz * (file_scan.decimation.factor if file_scan.decimation else 1)
             self._findings += (
                 Reason(
                     ImportCode.VALUES_REPEATED,
-                    samples=held.samples,
-                    runs=held.runs,
-                    axes=", ".join(names[index] for index in held.axes),
-                    first_s=held.first / source_hz,
+                    samples=repeats.samples,
+                    runs=repeats.runs,
+                    axes=", ".join(names[index] for index in repeats.axes),
+                    first_s=repeats.first / source_hz,
                 ),
             )
         self._rows = 0
@@ -389,14 +389,14 @@ def _import(
     path = paths[0]
     part = _Part(path, reader, import_map, lambda share: progress(0.5 * share))
     start_ns, start_is_file_date = _start_ns(path, reader.facts, import_map, part.scan)
-    more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
+    suffix = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
     decimated = () if part.scan.decimation is None else (_decimation_text(part.scan.decimation),)
     vehicle = import_map.vehicle(
         (*_shortcomings(reader.facts, import_map), *decimated),
         rounding_std=(part.scan.rate_std_hz or 0.0) / part.scan.rate_hz,
         loads_n=_measured_loads_n(import_map, part.scan),
     )
-    return _recorded([part], vehicle, path, more, start_ns, out, progress, start_is_file_date=start_is_file_date)
+    return _recorded([part], vehicle, path, suffix, start_ns, out, progress, start_is_file_date=start_is_file_date)
 
 
 def import_wheels(
@@ -445,7 +445,7 @@ def _recorded(
     parts: Sequence[_Part],
     vehicle: VehicleConfig,
     path: Path,
-    more: str,
+    suffix: str,
     start_ns: int,
     out: Path,
     progress: Callable[[float], None],
@@ -454,16 +454,16 @@ def _recorded(
 ) -> ImportReport:
     """Write the recording, the second half of the work, and return the report."""
     link = f"import:{path.name}"
-    new = RecordingWriter(out, start_ns=start_ns, vehicle_toml=vehicle.to_toml(), sources=(link,), in_part=True)
-    with whole_recording(new) as writer:
-        writer.write(LinkEvent(link, start_ns, LinkEventKind.CONNECTED, f"imported from {path.name}{more}"))
+    recording = RecordingWriter(out, start_ns=start_ns, vehicle_toml=vehicle.to_toml(), sources=(link,), in_part=True)
+    with whole_recording(recording) as writer:
+        writer.write(LinkEvent(link, start_ns, LinkEventKind.CONNECTED, f"imported from {path.name}{suffix}"))
         writes = [part.writes(writer, link, lambda share: progress(0.5 + 0.5 * share)) for part in parts]
         for time_s, write in heapq.merge(*writes, key=lambda timed_write: timed_write[0]):
             write(start_ns + round(time_s * 1e9))
         end_ns = start_ns + round(max(part.end_s for part in parts) * 1e9)
         writer.write(LinkEvent(link, end_ns, LinkEventKind.ENDED))
-    longest = max(parts, key=lambda part: part.scan.samples / part.scan.rate_hz)
-    file_scan = longest.scan
+    longest_part = max(parts, key=lambda part: part.scan.samples / part.scan.rate_hz)
+    file_scan = longest_part.scan
     return ImportReport(
         recording=writer.path,
         size_bytes=writer.path.stat().st_size,
@@ -506,9 +506,9 @@ def _measured_loads_n(import_map: ImportMap, file_scan: Scan) -> dict[str, tuple
         if reference.quantity != "load" or not np.isfinite(mean):
             continue
         for wheel in import_map.wheels():
-            is_meant = not reference.wheels or wheel.position in reference.wheels
+            is_assigned = not reference.wheels or wheel.position in reference.wheels
             load_n = abs(mean) * reference.factor
-            if is_meant and wheel.load_n is None and _LOADS_N[0] <= load_n <= _LOADS_N[1]:
+            if is_assigned and wheel.load_n is None and _LOADS_N[0] <= load_n <= _LOADS_N[1]:
                 loads[wheel.position] = load_n, float(np.hypot(scatter, reference.std)) * reference.factor
     return loads
 
@@ -521,11 +521,11 @@ def _shortcomings(facts: FileFacts, import_map: ImportMap) -> tuple[str, ...]:
         if name in import_map.columns()
     ]
     units = [
-        f"'{column.column}' is in {column.unit}, as the map says; the file says {stated}"
+        f"'{column.column}' is in {column.unit}, as the map says; the file says {file_unit}"
         for column in import_map.axis_columns()
-        if (stated := unit_of(column.column, facts.units.get(column.column, "")))
+        if (file_unit := unit_of(column.column, facts.units.get(column.column, "")))
         and column.scale == 1.0
-        and ACCELERATION_UNITS_MPS2.get(stated) != ACCELERATION_UNITS_MPS2[column.unit]
+        and ACCELERATION_UNITS_MPS2.get(file_unit) != ACCELERATION_UNITS_MPS2[column.unit]
     ]
     return (*cut, *units, *(f"warned when the file was read: {warning}" for warning in facts.warnings))
 
@@ -549,13 +549,13 @@ def _written_values(
     writer: RecordingWriter,
     channel: ReferenceChannel,
     positions: tuple[str, ...],
-    counted: dict[str, int],
+    value_counts: dict[str, int],
     column: FloatArray,
 ) -> Iterator[tuple[float, Callable[[int], None]]]:
     reference = channel.reference
 
     def write(host_ns: int, time_s: float, value: float) -> None:
-        counted[reference.name] += 1
+        value_counts[reference.name] += 1
         for position in positions:
             payload = {"quantity": reference.quantity, "time_s": time_s, "value": value, "value_std": channel.value_std}
             writer.write_topic(reference_topic(position, reference.name), host_ns, payload)
@@ -608,9 +608,9 @@ def _start_ns(path: Path, facts: FileFacts, import_map: ImportMap, file_scan: Sc
         return start_ns, is_file_date
     source_hz = file_scan.rate_hz * (file_scan.decimation.factor if file_scan.decimation else 1)
     # The file's own times count from its start.
-    is_own = facts.time_column is not None and import_map.sampling.time_column == facts.time_column
-    own_s = file_scan.first_s if is_own else 0.0
-    return start_ns + round((file_scan.skipped / source_hz + own_s) * 1e9), False
+    is_file_time = facts.time_column is not None and import_map.sampling.time_column == facts.time_column
+    offset_s = file_scan.first_s if is_file_time else 0.0
+    return start_ns + round((file_scan.skipped / source_hz + offset_s) * 1e9), False
 
 
 def _stated_start_ns(path: Path, facts: FileFacts, import_map: ImportMap) -> tuple[int, bool]:
@@ -618,5 +618,5 @@ def _stated_start_ns(path: Path, facts: FileFacts, import_map: ImportMap) -> tup
     sampling = import_map.sampling
     if sampling.start_utc is not None:
         return (sampling.start_utc - _EPOCH) // timedelta(microseconds=1) * 1000, False
-    begun_ns = facts.dates.get(sampling.time_column or "", facts.start_ns)
-    return (path.stat().st_mtime_ns, True) if begun_ns is None else (begun_ns, False)
+    begin_ns = facts.dates.get(sampling.time_column or "", facts.start_ns)
+    return (path.stat().st_mtime_ns, True) if begin_ns is None else (begin_ns, False)

@@ -43,19 +43,19 @@ class ImuColumns(WaveformColumns):
         times_ns: dict[str, list[int]] = {}
         logged_ns: dict[str, list[int]] = {}
         values: dict[str, list[FloatArray]] = {}
-        others: set[str] = set()
+        other_types: set[str] = set()
         with path.open("rb") as file:
             for schema, channel, message in make_reader(file).iter_messages(log_time_order=False):
                 if schema is None or schema.name not in _SCHEMAS or channel.message_encoding != "cdr":
-                    others.add(schema.name if schema is not None else channel.topic)
+                    other_types.add(schema.name if schema is not None else channel.topic)
                     continue
                 stamp_ns, numbers = _message(message.data)
                 times_ns.setdefault(channel.topic, []).append(stamp_ns)
                 logged_ns.setdefault(channel.topic, []).append(message.log_time)
                 values.setdefault(channel.topic, []).append(numbers)
         if not values:
-            shown = ", ".join(sorted(map(printable, others))[:8]) or "none"
-            raise ImportDataError(f"{path} has no messages of {_SCHEMAS[0]}", f"Its messages are: {shown}.")
+            types_text = ", ".join(sorted(map(printable, other_types))[:8]) or "none"
+            raise ImportDataError(f"{path} has no messages of {_SCHEMAS[0]}", f"Its messages are: {types_text}.")
         for topic, stamps in times_ns.items():
             if len(stamps) > 1 and min(stamps) == max(stamps):
                 times_ns[topic] = logged_ns[topic]
@@ -73,8 +73,8 @@ class ImuColumns(WaveformColumns):
             ImportDataError: they are of several topics whose times differ.
         """
         topics = {self.waveforms[name].group for name in names}
-        of_times = [self.waveforms[f"{topic}/time"] for topic in topics]
-        stamps = [times.read(0, times.rows) for times in of_times]
+        times_columns = [self.waveforms[f"{topic}/time"] for topic in topics]
+        stamps = [times.read(0, times.rows) for times in times_columns]
         if not all(np.array_equal(times, stamps[0]) for times in stamps):
             raise ImportDataError(
                 f"{self.path}: the columns are of topics with times of their own: {', '.join(sorted(topics))}",

@@ -107,11 +107,11 @@ class IsoTimes:
         """Return (rows,) seconds from midnight, which go on where the times pass it."""
         seconds = np.full(rows, np.nan)
         if len(local):
-            of_day_s = local.astype(np.int64) * 1e-9
-            before_s = np.concatenate(([self._last_s], of_day_s[:-1]))
-            passed = np.cumsum(of_day_s - before_s < -0.5 * _DAY_S) * _DAY_S
-            seconds[np.asarray(timed_rows)] = of_day_s + self._midnight_s + passed
-            self._midnight_s, self._last_s = self._midnight_s + float(passed[-1]), float(of_day_s[-1])
+            clock_s = local.astype(np.int64) * 1e-9
+            previous_s = np.concatenate(([self._last_s], clock_s[:-1]))
+            day_shifts_s = np.cumsum(clock_s - previous_s < -0.5 * _DAY_S) * _DAY_S
+            seconds[np.asarray(timed_rows)] = clock_s + self._midnight_s + day_shifts_s
+            self._midnight_s, self._last_s = self._midnight_s + float(day_shifts_s[-1]), float(clock_s[-1])
         return seconds
 
     def _from_local(
@@ -136,10 +136,10 @@ class IsoTimes:
         """
         shifts = {offset: _offset_ns(offset) for offset in set(offsets) if offset is not None}
         utc_ns = local.astype(np.int64) - np.array([shifts.get(offset or "", 0) for offset in offsets], dtype=np.int64)
-        bare = np.array([offset is None for offset in offsets], dtype=np.bool_)
-        if bare.any():
-            places = np.asarray(timed_rows)[bare]
-            utc_ns[bare] -= self._zone_ns(local[bare], lambda k: where(int(places[k])))
+        is_naive = np.array([offset is None for offset in offsets], dtype=np.bool_)
+        if is_naive.any():
+            places = np.asarray(timed_rows)[is_naive]
+            utc_ns[is_naive] -= self._zone_ns(local[is_naive], lambda k: where(int(places[k])))
         seconds = np.full(rows, np.nan)
         if len(utc_ns):
             if self.start_ns is None:
@@ -154,24 +154,24 @@ class IsoTimes:
             raise ImportDataError(
                 f"{self._path}: {where(0)}, column '{self.column}': '{local[0]}' states no time zone", _ZONE_REMEDY
             )
-        buckets, first, which = _buckets(local)
+        buckets, first, bucket_index = _buckets(local)
         offsets_ns = np.zeros(len(buckets), dtype=np.int64)
-        for k, begin in enumerate(buckets):
-            moment = begin.astype("datetime64[us]").astype(datetime)
+        for k, bucket in enumerate(buckets):
+            moment = bucket.astype("datetime64[us]").astype(datetime)
             # Clocks are changed at full quarters of an hour.
             early, late = (self._zone.utcoffset(moment.replace(fold=fold, tzinfo=None)) for fold in (0, 1))
             early = early or timedelta(0)
             late = late or timedelta(0)
             if early != late:
-                happens = "occurs twice" if late < early else "does not exist"
+                fault = "occurs twice" if late < early else "does not exist"
                 raise ImportDataError(
                     f"{self._path}: {where(int(first[k]))}, column '{self.column}': the local time "
-                    f"'{local[first[k]]}' {happens} in {self._zone_name}, where the clock was changed",
+                    f"'{local[first[k]]}' {fault} in {self._zone_name}, where the clock was changed",
                     f"Write the times with their offset, such as {_EXAMPLE}, or in UTC; or state the offset itself: "
                     '[sampling] time_zone = "+02:00".',
                 )
             offsets_ns[k] = int(early / timedelta(microseconds=1)) * 1000
-        return offsets_ns[which]
+        return offsets_ns[bucket_index]
 
     def _unreadable(self, cell: str, position: str) -> ImportDataError:
         return ImportDataError(
@@ -181,7 +181,7 @@ class IsoTimes:
         )
 
 
-def _iso(date: str, clock: str, half: str | None, order: str) -> str | None:
+def _iso(date: str, clock: str, meridiem: str | None, order: str) -> str | None:
     """Return date and time of day as ISO text, None where the date has another order or the hour no such half."""
     parts = re.split(r"[-/. ]", date)
     if parts[1].isalpha():
@@ -189,14 +189,14 @@ def _iso(date: str, clock: str, half: str | None, order: str) -> str | None:
         order = "ymd" if len(parts[0]) == 4 else "dmy"
         parts[1] = str(_MONTHS.index(parts[1].lower()) + 1) if parts[1].lower() in _MONTHS else "13"
     year, month, day = (parts[index] for index in _PLACES[order])
-    hour, rest = clock.split(":", 1)
+    hour, remainder = clock.split(":", 1)
     number = int(hour)
-    if len(year) != 4 or len(month) > 2 or len(day) > 2 or (half is not None and not 1 <= number <= 12):
+    if len(year) != 4 or len(month) > 2 or len(day) > 2 or (meridiem is not None and not 1 <= number <= 12):
         return None
-    if half is not None:
+    if meridiem is not None:
         # 12 am is midnight, 12 pm noon.
-        number = number % 12 + (12 if half[0] in "pP" else 0)
-    return f"{year}-{month:0>2}-{day:0>2}T{number:02}:{rest}"
+        number = number % 12 + (12 if meridiem[0] in "pP" else 0)
+    return f"{year}-{month:0>2}-{day:0>2}T{number:02}:{remainder}"
 
 
 def _buckets(
@@ -204,8 +204,8 @@ def _buckets(
 ) -> tuple[NDArray[np.datetime64], NDArray[np.intp], NDArray[np.intp]]:
     """Return the quarters of hours that occur, the first row in each, and the quarter of each row."""
     minutes = local.astype("datetime64[m]").astype(np.int64)
-    quarters, first, which = np.unique(minutes // 15, return_index=True, return_inverse=True)
-    return (quarters * 15).astype("datetime64[m]"), first, which
+    quarters, first, bucket_index = np.unique(minutes // 15, return_index=True, return_inverse=True)
+    return (quarters * 15).astype("datetime64[m]"), first, bucket_index
 
 
 def _offset_ns(offset: str) -> int:

@@ -40,10 +40,10 @@ class JoinedColumns:
         """
         self._paths, self._open_file, self._time_column = tuple(paths), open_file, time_column
         self.unreadable = 0
-        real = [os.path.realpath(path) for path in paths]
-        twice = next((path for k, path in enumerate(paths) if real[k] in real[:k]), None)
-        if twice is not None:
-            raise ImportDataError(f"{twice} is given twice", "Give each file once, in the order of time.")
+        real_paths = [os.path.realpath(path) for path in paths]
+        duplicate = next((path for k, path in enumerate(paths) if real_paths[k] in real_paths[:k]), None)
+        if duplicate is not None:
+            raise ImportDataError(f"{duplicate} is given twice", "Give each file once, in the order of time.")
         facts = []
         for path in paths:
             with contextlib.closing(open_file(path)) as reader:
@@ -58,19 +58,19 @@ class JoinedColumns:
             ImportDataError: as the readers.
         """
         self.unreadable = 0
-        row, began_ns = 0, None
+        row, origin_ns = 0, None
         time_index = names.index(self._time_column) if self._time_column in names else None
         for number, path in enumerate(self._paths):
-            read_before, first_row, shift_s = self.unreadable, row, 0.0
+            unreadable_before, first_row, shift_s = self.unreadable, row, 0.0
             with contextlib.closing(self._open_file(path)) as reader:
                 for block in reader.blocks(names):
                     if row == first_row:
                         # A text file tells its first date with its first rows.
                         begin_ns = _begin_ns(reader.facts, self._time_column)
                         if number == 0:
-                            began_ns, self.facts = begin_ns, reader.facts
-                        elif begin_ns is not None and began_ns is not None:
-                            shift_s = (begin_ns - began_ns) * 1e-9
+                            origin_ns, self.facts = begin_ns, reader.facts
+                        elif begin_ns is not None and origin_ns is not None:
+                            shift_s = (begin_ns - origin_ns) * 1e-9
                     values = block.values
                     if time_index is not None and shift_s:
                         values = values.copy()
@@ -78,7 +78,7 @@ class JoinedColumns:
                     progress = (number + block.progress) / len(self._paths)
                     yield Block(row, values, _where(path, block), progress)
                     row += len(values)
-                    self.unreadable = read_before + getattr(reader, "unreadable", 0)
+                    self.unreadable = unreadable_before + getattr(reader, "unreadable", 0)
 
     def close(self) -> None:
         """Do nothing: each pass closes the files."""

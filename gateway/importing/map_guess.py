@@ -57,14 +57,14 @@ from gateway.importing.reader_process import ReaderProcesses
 _SLOW_S: Final = 0.005
 _SLOW_ROWS: Final = 50
 # Samples of a pulse are near its ends; those of a tire are not.
-_AT_ENDS: Final = 0.97
-_FEWEST_ROWS: Final = 200
+_END_SHARE: Final = 0.97
+_MIN_ROWS: Final = 200
 # With a larger share of unreadable cells, a column is no column of numbers.
-_MOST_UNREADABLE: Final = 0.1
+_MAX_UNREADABLE: Final = 0.1
 # Columns of a wheel among which a magnitude is searched.
-_MOST_COMPARED: Final = 9
+_MAX_COMPARED: Final = 9
 # Share of a magnitude by which columns that are rounded apart may miss it.
-_ROUNDED: Final = 1e-3
+_ROUNDING_SHARE: Final = 1e-3
 _VOLTAGES: Final = VOLTS | {""}
 _TEMPERATURE_UNITS: Final = frozenset({"degC", "C"})
 # A constant column of these states a condition of the test.
@@ -76,7 +76,7 @@ _LOAD: Final = re.compile(r"load|last|fz|force|kraft", re.IGNORECASE)
 _LISTED_REASONS: Final = 40
 # Span of an angle over a turn in each unit.
 _FULL_TURNS: Final = {"deg": (300.0, 361.0), "rad": (5.5, 6.3), "turns": (0.8, 1.0)}
-_SET: Final = re.compile(
+_SET_VALUE: Final = re.compile(
     r"(?:^|[^a-z])(?:cmd|command(?:ed)?|set(?:point)?|soll|target|demand)(?:[^a-z]|$)", re.IGNORECASE
 )
 
@@ -112,17 +112,17 @@ def guess_map(
     rows_of = None if identities is None else (identities[0], identities[1][0])
     with contextlib.closing(open_columns(path, probe, processes, rows_of)) as reader:
         facts = reader.facts
-        seen, skipped, remedies = _columns(reader, path, facts, text, progress)
+        columns, unused, remedies = _columns(reader, path, facts, text, progress)
         if identities is not None:
-            seen = [column for column in seen if column.name != identities[0]]
-            skipped = [(identities[0], "the sensor of each row"), *(one for one in skipped if one[0] != identities[0])]
-        guess = _sorted(seen, reader.facts, text)
+            columns = [column for column in columns if column.name != identities[0]]
+            unused = [(identities[0], "the sensor of each row"), *(item for item in unused if item[0] != identities[0])]
+        guess = _sorted(columns, reader.facts, text)
         guess.identities = identities
-    guess.others = skipped + guess.others
-    guess.missed = [name for name, _ in skipped if _names_axis(name, unit_of(name, facts.units.get(name, "")))]
+    guess.others = unused + guess.others
+    guess.missed = [name for name, _ in unused if _names_axis(name, unit_of(name, facts.units.get(name, "")))]
     if not guess.candidates:
         reasons = [f"  {name}: {reason}" for name, reason in guess.others[:_LISTED_REASONS]]
-        more = len(guess.others) - len(reasons)
+        omitted = len(guess.others) - len(reasons)
         raise ImportDataError(
             "\n".join(
                 (
@@ -130,10 +130,10 @@ def guess_map(
                     *([f"  {guess.time}: the time"] if guess.time is not None else []),
                     *(f"  {reference.seen.name}: taken for {reference.quantity}" for reference in guess.references),
                     *reasons,
-                    *([f"  and {more} more"] if more > 0 else []),
+                    *([f"  and {omitted} more"] if omitted > 0 else []),
                 )
             ),
-            next(filter(None, remedies), f"It takes at least {_FEWEST_ROWS} rows of numbers that vary."),
+            next(filter(None, remedies), f"It takes at least {_MIN_ROWS} rows of numbers that vary."),
         )
     return map_text(path, text.layout, guess, facts)
 
@@ -142,7 +142,7 @@ def _columns(
     reader: ColumnReader, path: Path, facts: FileFacts, text: TextLayout, progress: Callable[[float], None]
 ) -> tuple[list[Seen], list[tuple[str, str]], list[str]]:
     """Return the first rows of every column of numbers, (name, reason) of the others, and remedies for these."""
-    seen: list[Seen] = []
+    columns: list[Seen] = []
     remedies: list[str] = []
     skipped = [(name, f"{reason}. {remedy}".strip()) for name, (reason, remedy) in facts.unusable.items()]
     names = list(facts.names)
@@ -153,7 +153,7 @@ def _columns(
     skipped += [(name, "not looked at") for name in names[MOST_COLUMNS:]]
     for k, name in enumerate(names[:MOST_COLUMNS]):
         progress(k / len(names))
-        stated = facts.units.get(name, "") or text.units.get(name, "")
+        stated_unit = facts.units.get(name, "") or text.units.get(name, "")
         first_rows = _first_rows(reader, path, name)
         if first_rows is None:
             # The time of an MDF file has rows only beside a channel.
@@ -163,52 +163,52 @@ def _columns(
             remedies.append(first_rows.remedy)
         else:
             block, fault = first_rows
-            seen.append(Seen(name, block.values[:, 0], unit_of(name, stated), block.where, fault))
-    main, others = _at_one_rate(seen, reader, facts)
+            columns.append(Seen(name, block.values[:, 0], unit_of(name, stated_unit), block.where, fault))
+    main, others = _at_one_rate(columns, reader, facts)
     return main, skipped + others, remedies
 
 
 def _at_one_rate(
-    seen: Sequence[Seen], reader: ColumnReader, facts: FileFacts
+    columns: Sequence[Seen], reader: ColumnReader, facts: FileFacts
 ) -> tuple[list[Seen], list[tuple[str, str]]]:
     """Return columns at the rows of most accelerations, and (name, reason) of those that have no value there."""
-    rows = _main_rows(seen)
-    main = [column for column in seen if len(column.values) == rows]
+    rows = _main_rows(columns)
+    main = [column for column in columns if len(column.values) == rows]
     if not main:
         return [], []
     skipped: list[tuple[str, str]] = []
-    beside = next((column for column in main if column.says_acceleration), main[0])
+    base = next((column for column in main if column.says_acceleration), main[0])
     if facts.time_column is not None and all(column.name != facts.time_column for column in main):
-        main = [*_at_rows_of(beside, Seen(facts.time_column, beside.values, "s", beside.where), reader), *main]
-    for column in [column for column in seen if len(column.values) != rows]:
-        is_in_step = not column.says_acceleration or facts.steps_s.get(column.name) == facts.steps_s.get(beside.name)
+        main = [*_at_rows_of(base, Seen(facts.time_column, base.values, "s", base.where), reader), *main]
+    for column in [column for column in columns if len(column.values) != rows]:
+        is_in_step = not column.says_acceleration or facts.steps_s.get(column.name) == facts.steps_s.get(base.name)
         if is_in_step and column.name in facts.cut:
             main = _at_common_rows(main, column, reader, facts)
             continue
-        resampled = _at_rows_of(beside, column, reader) if is_in_step else []
+        resampled = _at_rows_of(base, column, reader) if is_in_step else []
         main += resampled
         skipped += [] if resampled else [(column.name, f"{len(column.values)} rows, others {rows}")]
     return main, skipped
 
 
-def _at_rows_of(beside: Seen, column: Seen, reader: ColumnReader) -> list[Seen]:
+def _at_rows_of(base: Seen, column: Seen, reader: ColumnReader) -> list[Seen]:
     """Return a column with the rows of another, as MDF files give their time and slower channels; nothing elsewhere."""
     try:
-        block = reader.sample([beside.name, column.name])
+        block = reader.sample([base.name, column.name])
     except ImportDataError:  # the import says why, if the map states that column
         return []
     return [] if block is None else [Seen(column.name, block.values[:, 1], column.unit, block.where)]
 
 
-def _at_common_rows(main: Sequence[Seen], cut: Seen, reader: ColumnReader, facts: FileFacts) -> list[Seen]:
+def _at_common_rows(main: Sequence[Seen], short_column: Seen, reader: ColumnReader, facts: FileFacts) -> list[Seen]:
     """Return columns with the rows that they share with one that ends early, which comes last."""
     names = [column.name for column in main if column.name != facts.time_column]
-    block = reader.sample([*names, cut.name])
+    block = reader.sample([*names, short_column.name])
     if block is None:
         return list(main)
     rows = len(block.values)
-    columns = {name: block.values[:, k] for k, name in enumerate((*names, cut.name))}
-    return [replace(column, values=columns.get(column.name, column.values[:rows])) for column in (*main, cut)]
+    columns = {name: block.values[:, k] for k, name in enumerate((*names, short_column.name))}
+    return [replace(column, values=columns.get(column.name, column.values[:rows])) for column in (*main, short_column)]
 
 
 class _Unreadable(NamedTuple):
@@ -229,47 +229,47 @@ def _first_rows(reader: ColumnReader, path: Path, name: str) -> tuple[Block, str
     if not isinstance(reader, CsvColumns):
         return _Unreadable(reason, remedy)
     sample = reader.tolerant_sample(name)
-    if sample is None or sample.unreadable > _MOST_UNREADABLE * len(sample.block.values):
+    if sample is None or sample.unreadable > _MAX_UNREADABLE * len(sample.block.values):
         return _Unreadable(reason if sample is None else f"{reason}, {sample.unreadable} such cells", remedy)
-    more = f", {sample.unreadable} such cells" if sample.unreadable > 1 else ""
-    return sample.block, f"{sample.first}{more}"
+    count_note = f", {sample.unreadable} such cells" if sample.unreadable > 1 else ""
+    return sample.block, f"{sample.first}{count_note}"
 
 
-def _main_rows(seen: Sequence[Seen]) -> int:
+def _main_rows(columns: Sequence[Seen]) -> int:
     """Return the number of rows of most accelerations, or of the longest column where none is named."""
-    named = Counter(len(column.values) for column in seen if column.says_acceleration)
+    named = Counter(len(column.values) for column in columns if column.says_acceleration)
     if named:
         return max(named, key=lambda rows: (named[rows], rows))
-    return max((len(column.values) for column in seen), default=0)
+    return max((len(column.values) for column in columns), default=0)
 
 
 def _names_axis(name: str, unit: str) -> bool:
     return Seen(name, np.empty(0), unit, str).says_acceleration
 
 
-def _sorted(seen: Sequence[Seen], facts: FileFacts, text: TextLayout) -> Guess:
-    stated = [*text.stated, *((key, value, place) for key, value, place in facts.stated)]
-    guess = Guess(groups=facts.groups, stated=stated, mv_per_g=text.mv_per_g)
-    parts = parts_of_time([column.name for column in seen])
-    of_day = [column for column in seen if column.name in parts]
-    guess.others = [(column.name, "a part of the time of day") for column in of_day]
-    finite = [(column, column.values[np.isfinite(column.values)]) for column in seen if column.name not in parts]
+def _sorted(columns: Sequence[Seen], facts: FileFacts, text: TextLayout) -> Guess:
+    conditions = [*text.stated, *((key, value, origin) for key, value, origin in facts.stated)]
+    guess = Guess(groups=facts.groups, stated=conditions, mv_per_g=text.mv_per_g)
+    parts = parts_of_time([column.name for column in columns])
+    time_parts = [column for column in columns if column.name in parts]
+    guess.others = [(column.name, "a part of the time of day") for column in time_parts]
+    finite = [(column, column.values[np.isfinite(column.values)]) for column in columns if column.name not in parts]
     if facts.dates:
         _take_dates(finite, facts, text, guess)
     else:
         find_time(finite, guess)
     for column, values in finite:
-        reason = None if column.name == guess.time else _kind(column, values, guess)
+        reason = None if column.name == guess.time else _classify(column, values, guess)
         guess.others += [] if reason is None else [(column.name, reason)]
     if not guess.candidates:
         left_out = {(column.name, f"unit {column.unit}"): column for column, _ in finite if column.unit in VOLTS}
-        guess.candidates = [left_out[other] for other in guess.others if other in left_out]
-        guess.others = [other for other in guess.others if other not in left_out]
+        guess.candidates = [left_out[entry] for entry in guess.others if entry in left_out]
+        guess.others = [entry for entry in guess.others if entry not in left_out]
     if guess.time is None and facts.time_column is not None:
         guess.time = facts.time_column
-    if guess.time is None and guess.no_time is None and of_day:
-        _take_part(of_day, guess)
-    _leave_other_times(seen, guess)
+    if guess.time is None and guess.no_time is None and time_parts:
+        _take_part(time_parts, guess)
+    _leave_other_times(columns, guess)
     _leave_unnamed(guess)
     _leave_magnitudes(guess)
     if guess.time is None:
@@ -303,9 +303,9 @@ def _take_rate(rates_hz: Mapping[str, float], guess: Guess) -> None:
     """Take the rate that the file states, where it states a single one."""
     likely = {name: hz for name, hz in rates_hz.items() if LIKELY_HZ[0] <= hz <= LIKELY_HZ[1]}
     slow = {name: hz for name, hz in rates_hz.items() if 0.0 < hz < LIKELY_HZ[0]}
-    for stated in (likely, slow):
-        if len({f"{hz:.6g}" for hz in stated.values()}) == 1:
-            guess.stated_rate, guess.rate_hz = next(iter(stated.items()))
+    for rates in (likely, slow):
+        if len({f"{hz:.6g}" for hz in rates.values()}) == 1:
+            guess.stated_rate, guess.rate_hz = next(iter(rates.items()))
             return
     if likely:
         guess.no_time = "the file states several rates: " + ", ".join(
@@ -313,19 +313,19 @@ def _take_rate(rates_hz: Mapping[str, float], guess: Guess) -> None:
         )
 
 
-def _leave_other_times(seen: Sequence[Seen], guess: Guess) -> None:
+def _leave_other_times(columns: Sequence[Seen], guess: Guess) -> None:
     """Leave columns out whose group has times of its own: they are not in step with those of the map's time."""
-    of_time = guess.groups.get(guess.time or "")
-    if of_time is None:
+    base = guess.groups.get(guess.time or "")
+    if base is None:
         return
     times = {
-        guess.groups[each.name][0]: each.values
-        for each in seen
-        if guess.groups.get(each.name, ("", ""))[1:] == of_time[1:]
+        guess.groups[column.name][0]: column.values
+        for column in columns
+        if guess.groups.get(column.name, ("", ""))[1:] == base[1:]
     }
-    apart = {group for group, values in times.items() if not np.array_equal(values, times[of_time[0]], equal_nan=True)}
+    others = {group for group, values in times.items() if not np.array_equal(values, times[base[0]], equal_nan=True)}
     for column in list(guess.candidates):
-        if (group := guess.groups.get(column.name, ("",))[0]) in apart:
+        if (group := guess.groups.get(column.name, ("",))[0]) in others:
             guess.candidates.remove(column)
             guess.others.append((column.name, f"{group} has times of its own: import it by another map"))
 
@@ -346,9 +346,9 @@ def _leave_unnamed(guess: Guess) -> None:
 def _leave_magnitudes(guess: Guess) -> None:
     """Leave the column of a wheel out that is the magnitude of three others, row by row."""
     for columns in by_wheel(guess.candidates, guess.groups).values():
-        if 3 < len(columns) <= _MOST_COMPARED and len({len(column.values) for column in columns}) == 1:
+        if 3 < len(columns) <= _MAX_COMPARED and len({len(column.values) for column in columns}) == 1:
             column = min(columns, key=lambda column: _from_magnitude(column, columns))
-            if _from_magnitude(column, columns) < _ROUNDED:
+            if _from_magnitude(column, columns) < _ROUNDING_SHARE:
                 guess.others.append((column.name, f"{A_MAGNITUDE} by its values"))
                 guess.candidates.remove(column)
 
@@ -356,12 +356,12 @@ def _leave_magnitudes(guess: Guess) -> None:
 def _from_magnitude(column: Seen, columns: Sequence[Seen]) -> float:
     """Return the share by which a column misses the length of the vector of three others, of those that fit best."""
     squares = [other.values**2 for other in columns if other is not column]
-    lengths = [np.sqrt(np.sum(three, axis=0)) for three in itertools.combinations(squares, 3)]
+    lengths = [np.sqrt(np.sum(triple, axis=0)) for triple in itertools.combinations(squares, 3)]
     misses = [np.nanmedian(np.abs(column.values - length)) / np.nanmedian(length) for length in lengths]
     return float(min(misses))
 
 
-def _kind(column: Seen, values: FloatArray, guess: Guess) -> str | None:
+def _classify(column: Seen, values: FloatArray, guess: Guess) -> str | None:
     """Sort a column in; return the reason why it is left out, None when it is used."""
     reason = _unused(column, values, guess)
     if reason is not None:
@@ -393,7 +393,7 @@ def _kind(column: Seen, values: FloatArray, guess: Guess) -> str | None:
 
 def _unused(column: Seen, values: FloatArray, guess: Guess) -> str | None:
     """Return why a column can be nothing of a map but a time or a stated load, which is noted; None where it can."""
-    if len(values) < _FEWEST_ROWS:
+    if len(values) < _MIN_ROWS:
         return f"{len(values)} values only"
     unit, name = column.unit, column.name
     # The rounding of the mean gives a constant a spread.
@@ -403,9 +403,9 @@ def _unused(column: Seen, values: FloatArray, guess: Guess) -> str | None:
         return f"constant, {values[0]:g} {unit}"
     if is_constant and unit not in _UNITS_OF_CONSTANTS:
         return f"constant, {values[0]:g}"
-    other = other_quantity(name)
-    if other is not None and (other == A_MAGNITUDE or not column.is_acceleration):
-        return f"{other} by its name"
+    quantity = other_quantity(name)
+    if quantity is not None and (quantity == A_MAGNITUDE or not column.is_acceleration):
+        return f"{quantity} by its name"
     if (np.diff(values) == 1.0).all():
         return "a counter"
     is_time = unit in TIME_UNITS_S or (not unit and TIME.search(name) and not column.says_acceleration)
@@ -430,7 +430,7 @@ def _reference(column: Seen, values: FloatArray) -> Reference | None:
     for quantity, pattern in (("speed", SPEED), ("rotation", ROTATION)):
         is_named = pattern.search(name) is not None
         if unit in REFERENCE_UNITS[quantity] or (is_named and not unit):
-            if _SET.search(name):
+            if _SET_VALUE.search(name):
                 doubt = "its name says a set value, which is not measured"
             elif not unit:
                 doubt = "by its name"
@@ -449,12 +449,12 @@ def _reference_by_values(column: Seen, values: FloatArray) -> Reference | None:
     unit, low, high = column.unit, float(values.min()), float(values.max())
     if unit in _VOLTAGES:
         is_named = PULSES.search(column.name) is not None
-        at_ends = float(np.mean(np.minimum(values - low, high - values) < 0.1 * (high - low)))
-        if is_named or at_ends > _AT_ENDS:
+        end_share = float(np.mean(np.minimum(values - low, high - values) < 0.1 * (high - low)))
+        if is_named or end_share > _END_SHARE:
             return Reference(column, "pulses", "", "" if is_named else "by its values")
     if (unit in REFERENCE_UNITS["angle"] or not unit) and _is_sawtooth(values):
-        by_size = next((name for name, span in _FULL_TURNS.items() if span[0] < high - low <= span[1]), "")
-        return Reference(column, "angle", unit or by_size, "" if unit else "by its values")
+        likely_unit = next((name for name, span in _FULL_TURNS.items() if span[0] < high - low <= span[1]), "")
+        return Reference(column, "angle", unit or likely_unit, "" if unit else "by its values")
     return None
 
 
@@ -462,8 +462,8 @@ def _is_sawtooth(values: FloatArray) -> bool:
     """Return whether values rise or fall evenly and jump back."""
     steps, full = np.diff(values), float(np.ptp(values))
     jumps = np.abs(steps) > 0.7 * full
-    rest = steps[~jumps]
+    ramp_steps = steps[~jumps]
     if not jumps.any() or np.count_nonzero(jumps) > 0.1 * len(steps):
         return False
-    one_way = max(float(np.mean(rest >= 0)), float(np.mean(rest <= 0)))
-    return one_way > 0.98 and float(np.abs(rest).max()) < 0.3 * full
+    one_way_share = max(float(np.mean(ramp_steps >= 0)), float(np.mean(ramp_steps <= 0)))
+    return one_way_share > 0.98 and float(np.abs(ramp_steps).max()) < 0.3 * full

@@ -26,9 +26,9 @@ from gateway.importing.import_map import ISO, REFERENCE_UNITS, FileLayout
 
 def map_text(path: Path, layout: FileLayout, guess: Guess, facts: FileFacts) -> str:
     """Return what was recognised in a file as a map in TOML, with doubts as comments marked by `?`."""
-    stated = {key: (value, place) for key, value, place in guess.stated}
+    conditions = {key: (value, origin) for key, value, origin in guess.stated}
     wheels, unnamed = _wheels(guess)
-    several = len(wheels) > 1 or guess.identities is not None
+    is_several = len(wheels) > 1 or guess.identities is not None
     lines = [
         f"# First import map for {_comment(path.name)}. Check every line marked with ?, and state what is missing.",
         "# Meaning of the keys: docs/how-to/import-measurements.md",
@@ -37,17 +37,17 @@ def map_text(path: Path, layout: FileLayout, guess: Guess, facts: FileFacts) -> 
         *_file_lines(layout, guess),
         "[sampling]",
         *(_rate_lines(guess) if guess.time is None else _time_lines(guess, guess.time)),
-        *_start_lines(guess, facts, stated.get("date"), stated.get("clock")),
+        *_start_lines(guess, facts, conditions.get("date"), conditions.get("clock")),
         "",
     ]
     for wheel in wheels:
-        missed = [name for name in guess.missed if not several or position_of(name) == wheel.position]
-        lines += _wheel_lines(wheel, wheels[0]) if several else []
-        lines += _axis_lines("wheel.axis" if several else "axis", wheel.axes, missed, guess.mv_per_g)
+        missed = [name for name in guess.missed if not is_several or position_of(name) == wheel.position]
+        lines += _wheel_lines(wheel, wheels[0]) if is_several else []
+        lines += _axis_lines("wheel.axis" if is_several else "axis", wheel.axes, missed, guess.mv_per_g)
         lines += [f"# column {toml_string(axis.seen.name)}: more than three axes?" for axis in wheel.axes[3:]]
-        lines += [""] if several else []
+        lines += [""] if is_several else []
     lines += _sensor_lines(wheels[0].axes[0])
-    lines += _environment_lines(guess, several=several)
+    lines += _environment_lines(guess, is_several=is_several)
     lines += _reference_lines(guess)
     lines += [
         "# [mounting]         # ? of the sensor, as in the vehicle file",
@@ -56,12 +56,12 @@ def map_text(path: Path, layout: FileLayout, guess: Guess, facts: FileFacts) -> 
         "[conditions]   # ? leave out what is not known",
         f"# radius_mm = {ASSUMED_RADIUS_MM:g}   # ? belt radius: rolling circumference / (2 pi); assumed if not stated",
     ]
-    if not several:
+    if not is_several:
         position = wheels[0].position
         lines.append(f"position = {toml_string(position)}" + ("   # ?" if position == "W1" else ""))
-        lines.append(_stated_line(stated, "load_n", "4000.0", "vertical load"))
-    lines.append(_stated_line(stated, "pressure_kpa", "220.0", "gauge pressure"))
-    lines.append(_stated_line(stated, "tire", '"205/55R16"', "size"))
+        lines.append(_stated_line(conditions, "load_n", "4000.0", "vertical load"))
+    lines.append(_stated_line(conditions, "pressure_kpa", "220.0", "gauge pressure"))
+    lines.append(_stated_line(conditions, "tire", '"205/55R16"', "size"))
     others = [*guess.others, *((name, "names no wheel, as others do") for name in unnamed)]
     if others:
         lines += ["", "# Columns that are not used:"]
@@ -101,25 +101,25 @@ def _warning_lines(facts: FileFacts) -> list[str]:
 
 def _time_lines(guess: Guess, time: str) -> list[str]:
     rate = f"{guess.rate_hz:.6g} Hz in its first rows" if guess.rate_hz else ""
-    said = ", ".join(filter(None, (rate, _comment(guess.time_doubt))))
+    remark = ", ".join(filter(None, (rate, _comment(guess.time_doubt))))
     mark = "? " if guess.time_doubt else ""
     lines = [
-        f"time_column = {toml_string(time)}" + (f"   # {mark}{said}" if said else ""),
+        f"time_column = {toml_string(time)}" + (f"   # {mark}{remark}" if remark else ""),
         f"time_unit = {toml_string(guess.time_unit)}",
     ]
     if guess.time_unit == ISO and guess.is_dated:
         lines.append('# time_zone = "Europe/Berlin"   # ? needed if the times state no offset')
     order = guess.date_order.rstrip("?")
     if order != "ymd":
-        other = "mdy" if order == "dmy" else "dmy"
-        lines.append(f'date_order = "{order}"' + (f"   # ? or {other}" if order != guess.date_order else ""))
+        alternative = "mdy" if order == "dmy" else "dmy"
+        lines.append(f'date_order = "{order}"' + (f"   # ? or {alternative}" if order != guess.date_order else ""))
     return lines
 
 
 def _rate_lines(guess: Guess) -> list[str]:
     if guess.stated_rate:
-        beside = f"; {_comment(guess.no_time)}" if guess.no_time is not None else ""
-        return [f"rate_hz = {guess.rate_hz:.9g}   # ? stated in the file: {_comment(guess.stated_rate)}{beside}"]
+        remark = f"; {_comment(guess.no_time)}" if guess.no_time is not None else ""
+        return [f"rate_hz = {guess.rate_hz:.9g}   # ? stated in the file: {_comment(guess.stated_rate)}{remark}"]
     if guess.no_time is not None:
         return [f"# rate_hz = {guess.rate_hz or 10000.0:.6g}   # ? {_comment(guess.no_time)}"]
     return ["# rate_hz = 10000.0   # ? not in the file: the sampling rate has to be stated"]
@@ -140,8 +140,8 @@ def _start_lines(
         missing = f"time by {clock[1]}: state the zone" if clock else "state the time of the first row"
         hour = clock[0] if clock else "12:00:00"
         return [f"# start_utc = {day[0]}T{hour}Z   # ? date by {day[1]}; {missing}"]
-    why = "not in the file" if guess.is_dated else "the times have no date"
-    return [f"# start_utc = 2024-05-01T12:00:00Z   # ? {why}; else its modification time"]
+    reason = "not in the file" if guess.is_dated else "the times have no date"
+    return [f"# start_utc = 2024-05-01T12:00:00Z   # ? {reason}; else its modification time"]
 
 
 def _wheel_lines(wheel: _Wheel, first: _Wheel) -> list[str]:
@@ -162,12 +162,12 @@ def _positions(identities: Sequence[str]) -> dict[str, str]:
     return {f"W{number}": text for number, text in enumerate(identities, 1)}
 
 
-def _stated_line(stated: Mapping[str, tuple[str, str]], key: str, example: str, what: str) -> str:
+def _stated_line(conditions: Mapping[str, tuple[str, str]], key: str, example: str, description: str) -> str:
     """Return a condition as the file states it, or else as a comment."""
-    if key in stated:
-        value, place = stated[key]
-        return f"{key} = {value}   # ? stated in the file: {_comment(place)}"
-    return f"# {key} = {example}   # ? {what}"
+    if key in conditions:
+        value, origin = conditions[key]
+        return f"{key} = {value}   # ? stated in the file: {_comment(origin)}"
+    return f"# {key} = {example}   # ? {description}"
 
 
 def _file_lines(layout: FileLayout, guess: Guess) -> list[str]:
@@ -184,9 +184,9 @@ def _file_lines(layout: FileLayout, guess: Guess) -> list[str]:
 def _axis_lines(prefix: str, group: Sequence[Axis], missed: Sequence[str], mv_per_g: float | None) -> list[str]:
     lines: list[str] = []
     ordered = _ordered(group)
-    only_lateral = len(ordered) == 2 and names_role(ordered[1].seen.name, "lateral")
-    for name, axis in zip(("radial", "lateral") if only_lateral else _AXES, ordered, strict=False):
-        of_axis = [
+    has_only_lateral = len(ordered) == 2 and names_role(ordered[1].seen.name, "lateral")
+    for name, axis in zip(("radial", "lateral") if has_only_lateral else _AXES, ordered, strict=False):
+        entries = [
             f"[{prefix}.{name}]",
             f"column = {toml_string(axis.seen.name)}{_reason(name, axis, missed, len(group))}",
             *_unit_lines(axis, group[0], mv_per_g),
@@ -194,29 +194,29 @@ def _axis_lines(prefix: str, group: Sequence[Axis], missed: Sequence[str], mv_pe
             "# full_scale = 500.0   # ? end of the sensor's range, in the column's unit",
         ]
         is_sure = _is_sure(name, axis, missed, len(group))
-        lines += [line if is_sure or line.startswith("#") else f"# {line}" for line in of_axis]
+        lines += [line if is_sure or line.startswith("#") else f"# {line}" for line in entries]
     return [*lines, ""]
 
 
 def _unit_lines(axis: Axis, radial: Axis, mv_per_g: float | None) -> list[str]:
     """Return unit, scale and offset of an axis."""
-    stated = axis.seen.unit
+    stated_unit = axis.seen.unit
     # Only on the radial axis does V²/R say how large a value is.
     says_unit = axis is radial or axis.seen.is_acceleration
     unit = axis.unit if says_unit else radial.unit
-    why = axis.why if says_unit and axis.why else "as the radial axis" if unit and not says_unit else _NO_UNIT
-    if stated in VOLTS and mv_per_g is not None:
-        scale = (1.0 if stated == "mV" else 1e3) / mv_per_g
-        return ['unit = "g"', f"scale = {scale:.6g}   # the file says {stated} and {mv_per_g:g} mV/g"]
-    if (scaled := stated or unit) in SCALED_UNITS:
-        shown, scale = SCALED_UNITS[scaled]
-        said = f"the file says {scaled}" if stated else f"{scaled} {why}"
-        lines = [f'unit = "{shown}"   # {said}', f"scale = {scale:g}"]
-    elif stated and not axis.seen.is_acceleration:
-        said = _comment(stated)
-        lines = [f'# unit = "g"   # ? the file says {said}: state scale, in g per {said}']
+    reason = axis.why if says_unit and axis.why else "as the radial axis" if unit and not says_unit else _NO_UNIT
+    if stated_unit in VOLTS and mv_per_g is not None:
+        scale = (1.0 if stated_unit == "mV" else 1e3) / mv_per_g
+        return ['unit = "g"', f"scale = {scale:.6g}   # the file says {stated_unit} and {mv_per_g:g} mV/g"]
+    if (scaled := stated_unit or unit) in SCALED_UNITS:
+        base_unit, scale = SCALED_UNITS[scaled]
+        comment = f"the file says {scaled}" if stated_unit else f"{scaled} {reason}"
+        lines = [f'unit = "{base_unit}"   # {comment}', f"scale = {scale:g}"]
+    elif stated_unit and not axis.seen.is_acceleration:
+        comment = _comment(stated_unit)
+        lines = [f'# unit = "g"   # ? the file says {comment}: state scale, in g per {comment}']
     else:
-        lines = [f"unit = {toml_string(unit or 'g')}   # {why}"]
+        lines = [f"unit = {toml_string(unit or 'g')}   # {reason}"]
     if radial.scale is not None:
         size = f"# scale = {radial.scale:.4g}"
         lines.append(f"{size}   # ? counts or volts? V²/R fits with about this size of 1: state the exact one")
@@ -231,10 +231,10 @@ def _sign_line(name: str, axis: Axis) -> str:
         return f"# sign = -1   # ? positive {_DIRECTIONS[name]}"
     # With a reading at zero acceleration, the mean says no direction.
     by_mean = axis.is_steady and axis.scale is None
-    against = axis.steady < 0.0 if by_mean else axis.depth < 0.0
-    by = "positive toward the wheel centre, by its mean and contact"
-    by = by if axis.is_rolling else "? positive toward the wheel centre, by its mean and largest peaks"
-    return f"sign = {-1 if against else 1}   # {by}"
+    is_reversed = axis.steady < 0.0 if by_mean else axis.depth < 0.0
+    basis = "positive toward the wheel centre, by its mean and contact"
+    basis = basis if axis.is_rolling else "? positive toward the wheel centre, by its mean and largest peaks"
+    return f"sign = {-1 if is_reversed else 1}   # {basis}"
 
 
 def _is_sure(name: str, axis: Axis, missed: Sequence[str], count: int) -> bool:
@@ -268,41 +268,41 @@ def _reason(name: str, axis: Axis, missed: Sequence[str], count: int) -> str:
     if name == "radial" and count > len(_AXES):
         doubts.append(f"{count} columns may be axes")
     if names_role(axis.seen.name, name):
-        why = "by its name"
+        reason = "by its name"
     elif name != "radial":
-        why = "by the size of its variation only"
+        reason = "by the size of its variation only"
         doubts += ["it may be of another sensor"] if count > len(_AXES) else []
     elif axis.is_rolling:
-        why = f"mean {axis.steady:.4g}, contact {abs(axis.depth):.4g} deep"
+        reason = f"mean {axis.steady:.4g}, contact {abs(axis.depth):.4g} deep"
     else:
-        why = f"the largest mean, {axis.steady:.4g}; no revolutions are seen in the first rows"
-    uncertain = any(doubts) or why.startswith(("by the size", "the largest"))
-    said = "; ".join([why, *filter(None, doubts)])
-    return f"   # {'? ' if uncertain else ''}{_comment(said)}"
+        reason = f"the largest mean, {axis.steady:.4g}; no revolutions are seen in the first rows"
+    is_uncertain = any(doubts) or reason.startswith(("by the size", "the largest"))
+    remark = "; ".join([reason, *filter(None, doubts)])
+    return f"   # {'? ' if is_uncertain else ''}{_comment(remark)}"
 
 
 def _sensor_lines(radial: Axis) -> list[str]:
-    why = "the radial axis has a steady part" if radial.is_steady else "the radial axis has no steady part"
+    reason = "the radial axis has a steady part" if radial.is_steady else "the radial axis has no steady part"
     mark = "" if radial.is_steady and radial.is_rolling and radial.scale is None else "? "
-    lines = ["[sensor]", f"coupling = {toml_string('DC' if radial.is_steady else 'AC')}   # {mark}{why}"]
+    lines = ["[sensor]", f"coupling = {toml_string('DC' if radial.is_steady else 'AC')}   # {mark}{reason}"]
     if not radial.is_steady:
         lines.append("# highpass_hz = 0.1   # ? corner of the coupling")
     return [*lines, ""]
 
 
-def _environment_lines(guess: Guess, *, several: bool) -> list[str]:
+def _environment_lines(guess: Guess, *, is_several: bool) -> list[str]:
     if not guess.environment:
         return []
-    mark = "# " if several else ""
-    lines = ["# Columns for [wheel.environment] of a wheel:" if several else "[environment]"]
+    mark = "# " if is_several else ""
+    lines = ["# Columns for [wheel.environment] of a wheel:" if is_several else "[environment]"]
     if "pressure" in guess.environment:
         column, unit = guess.environment["pressure"]
         lines.append(f"{mark}pressure_column = {toml_string(column.name)}")
         lines.append(f"{mark}pressure_unit = {toml_string(unit or 'kPa')}" + ("" if unit else "   # ?"))
     if "temperature" in guess.environment:
         column, doubt = guess.environment["temperature"]
-        why = f"? degC, {doubt}" if doubt else "degC"
-        lines.append(f"{mark}temperature_column = {toml_string(column.name)}   # {why}")
+        remark = f"? degC, {doubt}" if doubt else "degC"
+        lines.append(f"{mark}temperature_column = {toml_string(column.name)}   # {remark}")
     return [*lines, ""]
 
 

@@ -52,7 +52,7 @@ class MatColumns:
         self._unusable: dict[str, tuple[str, str]] = {}
         self._dates: dict[str, int | None] = {}
         self._rates_hz: dict[str, float] = {}
-        self._stated: list[tuple[str, str, str]] = []
+        self._conditions: list[tuple[str, str, str]] = []
         has_objects = content.pop("__function_workspace__", None) is not None
         for name, value in content.items():
             if not name.startswith("__") and not isinstance(value, MatlabOpaque):
@@ -74,7 +74,7 @@ class MatColumns:
             unusable=dict(self._unusable),
             dates=dict(self._dates),
             rates_hz=self._rates_hz,
-            stated=self._stated,
+            stated=self._conditions,
         )
 
     def blocks(self, names: Sequence[str]) -> Iterator[Block]:
@@ -98,7 +98,7 @@ class MatColumns:
         elif isinstance(value, int | float) and (rate_hz := rate_of(name, value)) is not None:
             self._rates_hz[name] = rate_hz
         elif isinstance(value, int | float | str):
-            self._stated += stated_conditions({name: f"{name.rpartition('.')[2].replace('_', ' ')}: {value}"[:200]})
+            self._conditions += stated_conditions({name: f"{name.rpartition('.')[2].replace('_', ' ')}: {value}"[:200]})
         elif isinstance(value, np.ndarray) and value.dtype == object and value.size <= _MAX_STRUCTS:
             for number, element in enumerate(value.ravel(), 1):
                 self._add(f"{name}({number})", element, depth + 1)

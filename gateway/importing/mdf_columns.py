@@ -66,10 +66,10 @@ class MdfColumns:
                 f"{path} holds frames of a CAN bus",
                 f"Record them as signals of the vehicle: treadlink record SOURCE can:{path.name}?dbc=FILE.",
             )
-        began = self._mdf.header.start_time
+        start = self._mdf.header.start_time
         # A file without a date has the start of the epoch; one in local time does not state its zone.
-        dated = began.tzinfo is not None and began.year > 1990
-        self._start_ns = round(began.timestamp() * 1e6) * 1000 if dated else None
+        dated = start.tzinfo is not None and start.year > 1990
+        self._start_ns = round(start.timestamp() * 1e6) * 1000 if dated else None
 
     @property
     def facts(self) -> FileFacts:
@@ -133,7 +133,7 @@ class MdfColumns:
         base = next(iter(channels.values())).group
         count = int(self._mdf.groups[base].channel_group.cycles_nr)
         others = {channel.group for channel in channels.values()} - {base}
-        slow = {name: self._whole(name, channel, base) for name, channel in channels.items() if channel.group in others}
+        slow = {name: self._slow(name, channel, base) for name, channel in channels.items() if channel.group in others}
         row = 0
         while row < count:
             rows = min(BLOCK_ROWS, count - row)
@@ -154,9 +154,9 @@ class MdfColumns:
             yield Block(row, np.column_stack(columns), row_places(row), min((row + rows) / count, 1.0))
             row += len(times_s)
 
-    def _whole(self, name: str, channel: _Channel, base: int) -> tuple[FloatArray, FloatArray]:
+    def _slow(self, name: str, channel: _Channel, base: int) -> tuple[FloatArray, FloatArray]:
         """Return the times and values of a channel of another group than `base`."""
-        count, of_base = (int(self._mdf.groups[group].channel_group.cycles_nr) for group in (channel.group, base))
+        count, base_count = (int(self._mdf.groups[group].channel_group.cycles_nr) for group in (channel.group, base))
         timing_error = ImportDataError(
             f"{self._path}: '{name}' has {count} samples at times of its own",
             "Import such channels one group after the other, each with a map of its own.",
@@ -164,18 +164,18 @@ class MdfColumns:
         if count > _MAX_SLOW_ROWS:
             raise timing_error
         times_s = np.asarray(self._mdf.get_master(channel.group), dtype=np.float64)
-        if count > _SLOW_SHARE * of_base:
+        if count > _SLOW_SHARE * base_count:
             # Interpolation would change an acceleration.
             base_s = np.asarray(self._mdf.get_master(base), dtype=np.float64)
             step_s = float(base_s[-1] - base_s[0]) / max(len(base_s) - 1, 1)
-            common = (times_s >= base_s[0] - 0.5 * step_s) & (times_s <= base_s[-1] + 0.5 * step_s)
-            if common.sum() <= _SLOW_SHARE * of_base:
+            is_common = (times_s >= base_s[0] - 0.5 * step_s) & (times_s <= base_s[-1] + 0.5 * step_s)
+            if is_common.sum() <= _SLOW_SHARE * base_count:
                 raise timing_error
             # Groups that start apart share the rows at which their times agree.
             rows = np.clip(np.rint(np.interp(times_s, base_s, np.arange(len(base_s)))), 0, len(base_s) - 1)
-            if float(np.abs(times_s - base_s[rows.astype(np.intp)])[common].max()) > _SAME_TIME * step_s:
+            if float(np.abs(times_s - base_s[rows.astype(np.intp)])[is_common].max()) > _SAME_TIME * step_s:
                 raise timing_error
-            times_s = np.where(common, base_s[rows.astype(np.intp)], times_s)
+            times_s = np.where(is_common, base_s[rows.astype(np.intp)], times_s)
         values = self._values(name, channel, 0, None)
         if len(values) != len(times_s) or (np.diff(times_s) < 0).any():
             raise ImportDataError(f"{self._path}: the times of '{name}' do not increase", "Write the file again.")

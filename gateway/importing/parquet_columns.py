@@ -31,7 +31,7 @@ class ParquetColumns:
     @property
     def facts(self) -> FileFacts:
         """Columns of the schema."""
-        dates = {name: begin if self._types[name].tz else None for name, begin in self._begins_ns.items()}
+        dates = {name: begin_ns if self._types[name].tz else None for name, begin_ns in self._begins_ns.items()}
         durations = {name: "s" for name, kind in self._types.items() if _is_span(kind)}
         return FileFacts(tuple(self._types), dates=dates, units=durations)
 
@@ -66,11 +66,11 @@ class ParquetColumns:
             return np.column_stack([self._values(name, batch.column(name)) for name in names])
         lengths = {name: np.asarray(column.value_lengths().fill_null(0)) for name, column in lists.items()}
         first_name, counts = next(iter(lengths.items()))
-        for name, of_column in lengths.items():
-            if not np.array_equal(of_column, counts):
-                row = int(np.flatnonzero(of_column != counts)[0])
+        for name, sizes in lengths.items():
+            if not np.array_equal(sizes, counts):
+                row = int(np.flatnonzero(sizes != counts)[0])
                 raise ImportDataError(
-                    f"{self._path}: a list of '{name}' has {of_column[row]} values, of '{first_name}' {counts[row]}",
+                    f"{self._path}: a list of '{name}' has {sizes[row]} values, of '{first_name}' {counts[row]}",
                     "Leave one out of the map.",
                 )
         ends = np.cumsum(counts)

@@ -76,7 +76,7 @@ _BYTES_PER_FILE_BYTE: Final = 64
 _SPARE_S: Final = 60.0
 _FILE_BYTES_PER_S: Final = 2e6
 _END_S: Final = 5.0
-_MOST_WARNINGS: Final = 4
+_MAX_WARNINGS: Final = 4
 _WARNING_LENGTH: Final = 200
 _T = TypeVar("_T")
 
@@ -92,11 +92,11 @@ class ReaderProcess:
         context: Any = get_context("forkserver" if "forkserver" in get_all_start_methods() else "spawn")
         if hasattr(context, "set_forkserver_preload"):
             context.set_forkserver_preload([__name__, parser.module, parser.preload])
-        self.pipe, theirs = context.Pipe()
-        self.process = context.Process(target=_serve, args=(theirs, str(file_format)), daemon=True)
+        self.pipe, child_pipe = context.Pipe()
+        self.process = context.Process(target=_serve, args=(child_pipe, str(file_format)), daemon=True)
         with main_module_hidden():
             self.process.start()
-        theirs.close()
+        child_pipe.close()
 
     def end(self) -> None:
         """End the process."""
@@ -178,9 +178,9 @@ class ProcessColumns:
         """
         yield from self._blocks(names, None)
 
-    def _blocks(self, names: Sequence[str], most: int | None) -> Iterator[Block]:
+    def _blocks(self, names: Sequence[str], max_blocks: int | None) -> Iterator[Block]:
         self._in_order = False
-        self._ask(names=list(names), most=most)
+        self._ask(names=list(names), most=max_blocks)
         while (answer := self._answer())["rows"]:
             values = np.frombuffer(self._received()).reshape(answer["rows"], len(names))
             yield Block(answer["first"], values, row_places(answer["first"]), answer["progress"])
@@ -234,13 +234,13 @@ class ProcessColumns:
         except (EOFError, OSError) as error:
             self._process.process.join(_END_S)
             raise ImportDataError(
-                f"{self._path}: the reader of {self._kind} files crashed ({_end(self._process.process.exitcode)})",
+                f"{self._path}: the reader of {self._kind} files crashed ({_end_text(self._process.process.exitcode)})",
                 remedy,
             ) from error
         return received
 
 
-def _end(exit_code: int | None) -> str:
+def _end_text(exit_code: int | None) -> str:
     if exit_code is None or exit_code >= 0:
         return f"exit code {exit_code}"
     with contextlib.suppress(ValueError):
@@ -251,8 +251,8 @@ def _end(exit_code: int | None) -> str:
 def _serve(pipe: Connection, file_format: str) -> None:
     """Read files until the pipe closes or the process is killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the parent, which ends this process
-    with Path(os.devnull).open("wb") as nothing:
-        os.dup2(nothing.fileno(), sys.__stderr__.fileno() if sys.__stderr__ else 2)  # an aborting parser prints there
+    with Path(os.devnull).open("wb") as sink:
+        os.dup2(sink.fileno(), sys.__stderr__.fileno() if sys.__stderr__ else 2)  # an aborting parser prints there
     parser = _PARSERS[FileFormat(file_format)]
     # The library itself is not part of what a file may take.
     import_module(parser.preload)
@@ -268,7 +268,7 @@ def _serve_file(pipe: Connection, reader_class: type[BlockReader], kind: str, pa
     reader: BlockReader | None = None
     try:
         with _limited_memory(limit_bytes):
-            with _heard_warnings() as warned:
+            with _collected_warnings() as warned:
                 reader = _opened(reader_class, kind, Path(path))
                 facts = reader.facts
             _send(pipe, facts=asdict(replace(facts, warnings=(*facts.warnings, *warned))))
@@ -298,15 +298,15 @@ def _serve_file(pipe: Connection, reader_class: type[BlockReader], kind: str, pa
 
 
 @contextlib.contextmanager
-def _heard_warnings() -> Iterator[list[str]]:
+def _collected_warnings() -> Iterator[list[str]]:
     """Collect what the package of a format warns of: nobody sees its log. The list is complete afterwards."""
-    heard: list[str] = []
+    messages: list[str] = []
 
     class Collector(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
             text = f"{record.name.partition('.')[0]}: {record.getMessage()}"[:_WARNING_LENGTH]
-            if len(heard) < _MOST_WARNINGS and text not in heard:
-                heard.append(text)
+            if len(messages) < _MAX_WARNINGS and text not in messages:
+                messages.append(text)
 
     collector = Collector(logging.WARNING)
     packages = [
@@ -320,8 +320,8 @@ def _heard_warnings() -> Iterator[list[str]]:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("ignore")
             warnings.simplefilter("always", UserWarning)
-            yield heard
-        heard += [str(warning.message)[:_WARNING_LENGTH] for warning in caught[: _MOST_WARNINGS - len(heard)]]
+            yield messages
+        messages += [str(warning.message)[:_WARNING_LENGTH] for warning in caught[: _MAX_WARNINGS - len(messages)]]
     finally:
         for logger in packages:
             logger.removeHandler(collector)
@@ -341,20 +341,20 @@ def _opened(reader_class: Any, kind: str, path: Path) -> BlockReader:
     return next(readers)
 
 
-def _named_damage(read: Iterable[_T], what: str) -> Iterator[_T]:
+def _named_damage(items: Iterable[_T], fault: str) -> Iterator[_T]:
     """Yield what a parser reads.
 
     Raises:
         ImportDataError: the parser raised an error. A damaged file can make it raise any.
     """
     try:
-        yield from read
+        yield from items
     except (MemoryError, ImportDataError):
         raise
     except Exception as error:
         cause = next(iter(str(error).splitlines()), "")[:200] or type(error).__name__
         raise ImportDataError(
-            f"{what}: {cause}", "It may be cut or damaged: compare its size, or copy it again."
+            f"{fault}: {cause}", "It may be cut or damaged: compare its size, or copy it again."
         ) from error
 
 
@@ -381,14 +381,14 @@ def _limited_memory(limit_bytes: int) -> Iterator[None]:
     except ImportError:
         yield
         return
-    before = resource.getrlimit(resource.RLIMIT_AS)
+    memory_limits = resource.getrlimit(resource.RLIMIT_AS)
     with contextlib.suppress(OSError, ValueError):  # macOS refuses some limits
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         status = Path("/proc/self/statm")
         used_bytes = int(status.read_text().split()[0]) * resource.getpagesize() if status.exists() else 0
-        resource.setrlimit(resource.RLIMIT_AS, (used_bytes + limit_bytes, before[1]))
+        resource.setrlimit(resource.RLIMIT_AS, (used_bytes + limit_bytes, memory_limits[1]))
     try:
         yield
     finally:
         with contextlib.suppress(OSError, ValueError):
-            resource.setrlimit(resource.RLIMIT_AS, before)
+            resource.setrlimit(resource.RLIMIT_AS, memory_limits)

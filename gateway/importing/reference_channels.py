@@ -30,8 +30,8 @@ class ReferenceChannel:
         """
         self.reference = reference
         self._rate_hz = rate_hz
-        middle = 0.5 * (lowest + highest)
-        self._threshold = middle if reference.threshold is None else reference.threshold
+        midpoint = 0.5 * (lowest + highest)
+        self._threshold = midpoint if reference.threshold is None else reference.threshold
         self._margin = _HYSTERESIS * (highest - lowest)
         self._row = 0
         self._turns = 0.0
@@ -68,9 +68,9 @@ class ReferenceChannel:
         levels = values[valid_rows]
         state = np.where(levels > self._threshold + self._margin, 1, 0)
         state[levels < self._threshold - self._margin] = -1
-        decided = np.flatnonzero(state)
-        before = np.concatenate(([0 if self._high is None else (1 if self._high else -1)], state[decided][:-1]))
-        for k in decided[(state[decided] == 1) & (before == -1)]:
+        decided_rows = np.flatnonzero(state)
+        previous = np.concatenate(([0 if self._high is None else (1 if self._high else -1)], state[decided_rows][:-1]))
+        for k in decided_rows[(state[decided_rows] == 1) & (previous == -1)]:
             crossing = int(k)
             while crossing > 0 and levels[crossing - 1] > self._threshold:
                 crossing -= 1
@@ -81,8 +81,8 @@ class ReferenceChannel:
                 edge_row -= (above - self._threshold) / (above - below)
             yield (self._row + edge_row) / self._rate_hz, self._turns
             self._turns += self.reference.factor
-        if len(decided):
-            self._high = bool(state[decided][-1] == 1)
+        if len(decided_rows):
+            self._high = bool(state[decided_rows][-1] == 1)
         if len(levels):
             self._last = float(levels[-1])
 
@@ -94,15 +94,15 @@ class ReferenceChannel:
             return
         first = turns[valid_rows[0]] if self._last is None else self._last
         steps = np.diff(np.concatenate(([first], turns[valid_rows])))
-        so_far = self._turns + np.cumsum(steps - np.rint(steps))
+        total_turns = self._turns + np.cumsum(steps - np.rint(steps))
         if self._last is None:
-            so_far += first
+            total_turns += first
         step = max(1, round(_ANGLE_S * self._rate_hz))
-        for row, value in zip(valid_rows, so_far, strict=True):
+        for row, value in zip(valid_rows, total_turns, strict=True):
             if self._row + row >= self._next_angle:
                 yield (self._row + int(row)) / self._rate_hz, float(value)
                 self._next_angle = self._row + int(row) + step
-        self._turns, self._last = float(so_far[-1]), float(turns[valid_rows[-1]])
+        self._turns, self._last = float(total_turns[-1]), float(turns[valid_rows[-1]])
 
     def _means(self, values: FloatArray) -> Iterator[tuple[float, float]]:
         """Yield the mean of each interval at its centre."""

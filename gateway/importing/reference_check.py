@@ -19,20 +19,20 @@ class ReferenceCheck:
     def __init__(self, references: RecordedReferences, vehicle: VehicleConfig | None) -> None:
         """Prepare the check; `vehicle` gives the belt radii."""
         self._references = references
-        self._turns: dict[str, TurnLog] = {}
+        self._turn_logs: dict[str, TurnLog] = {}
         setups = vehicle.wheel_setups() if vehicle is not None else ()
         self._radius_m = {setup.position: setup.radius_m for setup in setups}
 
     def add(self, result: RevolutionResult) -> None:
         """Add a revolution."""
-        self._turns.setdefault(result.position, TurnLog()).add(result.revolution, result.estimates)
+        self._turn_logs.setdefault(result.position, TurnLog()).add(result.revolution, result.estimates)
 
     def comparisons(self) -> tuple[ReferenceComparison, ...]:
         """Return the comparison with every reference, by wheel."""
         comparisons = []
         for reference in self._references.references():
-            turns = self._turns.get(reference.position, TurnLog())
-            comparison = turns.compare(
+            turn_log = self._turn_logs.get(reference.position, TurnLog())
+            comparison = turn_log.compare(
                 reference.position,
                 reference.name,
                 reference.quantity,

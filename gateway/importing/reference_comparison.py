@@ -81,9 +81,9 @@ class TurnLog:
         if not revolution.faults and revolution.period_s > 0.0:
             self._starts_s.append(revolution.start_s)
             self._periods_s.append(revolution.period_s)
-            at_turn = {each.name: (each.value, each.std) for each in estimates if each.status is not Status.INVALID}
+            pairs = {entry.name: (entry.value, entry.std) for entry in estimates if entry.status is not Status.INVALID}
             for name, values in self._estimates.items():
-                values.append(at_turn.get(name, (math.nan, math.nan)))
+                values.append(pairs.get(name, (math.nan, math.nan)))
 
     def compare(
         self,
@@ -156,14 +156,14 @@ def _with_channel(
 
     `value_std` is the standard error of the channel, which all revolutions share.
     """
-    both = np.isfinite(estimates).all(axis=1)
-    if both.sum() < FEWEST_TURNS:
+    is_valid = np.isfinite(estimates).all(axis=1)
+    if is_valid.sum() < FEWEST_TURNS:
         std, scatter = math.hypot(mean_std(measured), value_std), float(measured.std(ddof=1))
         return ReferenceComparison(
             position, name, quantity, len(measured),
             measured=float(measured.mean()), difference_std=std, scatter=scatter,
         )  # fmt: skip
-    values, stds, measured = estimates[both, 0], estimates[both, 1], measured[both]
+    values, stds, measured = estimates[is_valid, 0], estimates[is_valid, 1], measured[is_valid]
     # A load on a rig may be counted downward.
     differences = values - (np.abs(measured) if quantity == "load" else measured)
     deviations = measured - measured.mean()
@@ -171,10 +171,10 @@ def _with_channel(
     if float(measured.std()) > 2.0 * max(value_std, float(differences.std()) / math.sqrt(len(values))):
         sign = math.copysign(1.0, measured.mean()) if quantity == "load" else 1.0
         slope = sign * float(deviations @ values / (deviations @ deviations))
-        rest = values - values.mean() - sign * slope * deviations
+        residuals = values - values.mean() - sign * slope * deviations
         # Consecutive revolutions share an estimator's memory: the error is that of parts, not of revolutions.
-        parts = mean_std(rest * deviations) / float(np.mean(deviations**2))
-        slope_std = max(parts, float(rest.std()) / math.sqrt(float(deviations @ deviations)))
+        parts = mean_std(residuals * deviations) / float(np.mean(deviations**2))
+        slope_std = max(parts, float(residuals.std()) / math.sqrt(float(deviations @ deviations)))
     return ReferenceComparison(
         position, name, quantity, len(values), float(values.mean()), float((values - differences).mean()),
         float(differences.mean()), math.hypot(mean_std(differences), value_std), float(differences.std(ddof=1)),
@@ -206,8 +206,8 @@ def turn_means(
     if not covered.any():
         return np.full(len(starts_s), math.nan)
     # Of a rate the mean over the turn: the difference of its integral.
-    so_far = reference if is_turns else _integral(times, reference)
-    means = (np.interp(starts_s + periods_s, times, so_far) - np.interp(starts_s, times, so_far)) / periods_s
+    integral = reference if is_turns else _integral(times, reference)
+    means = (np.interp(starts_s + periods_s, times, integral) - np.interp(starts_s, times, integral)) / periods_s
     return np.where(covered, means, math.nan)
 
 

@@ -11,8 +11,8 @@ from gateway.core.recording.reader import RecordingReader
 
 _TOPIC: Final = re.compile(r"/wheel/([^/]+)/reference/([^/]+)")
 _QUANTITIES: Final = ("speed", "rotation", "angle", "pulses", "load", "side_force", "slip_angle", "camber", "torque")
-_MOST_VALUES: Final = 10_000_000
-_MOST_REFERENCES: Final = 256
+_MAX_VALUES: Final = 10_000_000
+_MAX_REFERENCES: Final = 256
 
 
 @dataclass(slots=True)
@@ -56,7 +56,7 @@ class RecordedReferences:
 
     def _watch(self, message: RecordedMessage) -> None:
         match = _TOPIC.fullmatch(message.channel.topic)
-        if match is not None and self._count < _MOST_VALUES:
+        if match is not None and self._count < _MAX_VALUES:
             self._take(message, match[1], match[2])
 
     def _take(self, message: RecordedMessage, position: str, name: str) -> None:
@@ -71,7 +71,7 @@ class RecordedReferences:
         if quantity not in _QUANTITIES or not all(map(math.isfinite, numbers)):
             return
         if topic not in self._references:
-            if len(self._references) >= _MOST_REFERENCES:
+            if len(self._references) >= _MAX_REFERENCES:
                 return
             self._references[topic] = RecordedReference(position, name, quantity, numbers[2])
         self._count += 1

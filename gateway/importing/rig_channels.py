@@ -71,6 +71,6 @@ class RigChannels:
 
     def means(self, position: str, turns: Iterable[tuple[float, float]]) -> dict[str, MeanEstimate]:
         """Return the mean of each channel of a wheel that covers three revolutions or more, by a name with unit."""
-        every = list(turns)
-        measured = {_NAMES[quantity]: self.at(position, quantity, every) for quantity in RIG_CHANNELS}
+        revolutions = list(turns)
+        measured = {_NAMES[quantity]: self.at(position, quantity, revolutions) for quantity in RIG_CHANNELS}
         return {name: rig.mean() for name, rig in measured.items() if rig is not None and rig.covered >= FEWEST_TURNS}

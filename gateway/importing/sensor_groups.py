@@ -55,16 +55,16 @@ def require_one_sensor(path: Path, facts: FileFacts, wheels: Sequence[ImportedWh
             continue
         steps_s = [facts.steps_s[name] for name in columns if name in facts.steps_s]
         if steps_s and max(steps_s) > 1.5 * min(steps_s):
-            shown = ", ".join(f"{name} has {facts.steps_s[name]:g} s" for name in columns if name in facts.steps_s)
+            details = ", ".join(f"{name} has {facts.steps_s[name]:g} s" for name in columns if name in facts.steps_s)
             raise ImportDataError(
-                f"{path}: the axes of wheel {wheel.position} differ in their step: {shown}",
+                f"{path}: the axes of wheel {wheel.position} differ in their step: {details}",
                 "Leave axes of other rates out of the map: interpolation would change an acceleration.",
             )
         groups = _sensors_in_file(columns, facts)
         if len(set(groups.values())) > 1:
-            shown = ", ".join(f"'{name}' of {groups[name]}" for name in columns)
+            details = ", ".join(f"'{name}' of {groups[name]}" for name in columns)
             raise ImportDataError(
-                f"{path}: the axes of wheel {wheel.position} are of several sensors: {shown}",
+                f"{path}: the axes of wheel {wheel.position} are of several sensors: {details}",
                 "State the axes of one sensor for a wheel, and a [[wheel]] for each sensor.",
             )
 
@@ -76,13 +76,13 @@ def _sensors_in_file(columns: Sequence[str], facts: FileFacts) -> dict[str, str]
     ):  # fmt: skip
         if not all(name in split for name in columns):
             continue
-        of_columns = {name: split[name][0] for name in columns}
+        column_groups = {name: split[name][0] for name in columns}
         axes = {split[name][1] for name in columns}
-        whole = set(split.values())
-        if len(set(of_columns.values())) > 1 and all(
-            (group, axis) in whole for group in of_columns.values() for axis in axes
+        complete = set(split.values())
+        if len(set(column_groups.values())) > 1 and all(
+            (group, axis) in complete for group in column_groups.values() for axis in axes
         ):
-            return of_columns
+            return column_groups
     return {}
 
 

@@ -37,8 +37,8 @@ class TdmsColumns(WaveformColumns):
             self.stated += conditions_in(group.properties, group.name)
         for group, channel in channels:
             start_ns = starts_ns[id(channel)]
-            after_s = 0.0 if start_ns is None or self.start_ns is None else (start_ns - self.start_ns) * 1e-9
-            self._add(group.name, channel, after_s)
+            delay_s = 0.0 if start_ns is None or self.start_ns is None else (start_ns - self.start_ns) * 1e-9
+            self._add(group.name, channel, delay_s)
             if not channel.properties.get("wf_increment"):
                 self._note_rates(f"{group.name}/{channel.name}", channel.properties)
                 self._note_rates(group.name, group.properties)
@@ -49,15 +49,15 @@ class TdmsColumns(WaveformColumns):
         self.waveforms.clear()
         self._file.close()
 
-    def _add(self, group: str, channel: Any, after_s: float) -> None:
+    def _add(self, group: str, channel: Any, delay_s: float) -> None:
         name, kind = f"{group}/{channel.name}", np.dtype(channel.dtype).kind
         if not len(channel):
             return
         if kind not in "iufb":
-            what = {"M": "dates", "O": "text", "U": "text", "c": "complex numbers"}.get(
+            content = {"M": "dates", "O": "text", "U": "text", "c": "complex numbers"}.get(
                 kind, f"values of {channel.dtype}"
             )
-            self.unusable[name] = (f"contains {what}", "Save its values as a channel of numbers.")
+            self.unusable[name] = (f"contains {content}", "Save its values as a channel of numbers.")
             return
         properties = channel.properties
         self.waveforms[name] = Waveform(
@@ -65,7 +65,7 @@ class TdmsColumns(WaveformColumns):
             read=lambda first, end: self._values(name, channel, first, end),
             step_s=float(properties.get("wf_increment", 0.0)),
             unit=str(next((properties[key] for key in _UNIT_KEYS if properties.get(key)), "")),
-            start_s=after_s + float(properties.get("wf_start_offset", 0.0)),
+            start_s=delay_s + float(properties.get("wf_start_offset", 0.0)),
             group=group,
             name=channel.name,
         )

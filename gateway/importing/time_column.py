@@ -59,7 +59,7 @@ class TimeColumn:
         self._rounded = False
         self._rows = 0
         self._rates: list[tuple[float, float, str]] = []
-        self._wrong = 0
+        self._fault_count = 0
         self._fault = ""
         # Steps without a missing row, and their time.
         self._steps, self._stepped_s, self._pieces = 0, 0.0, 1
@@ -69,10 +69,10 @@ class TimeColumn:
         column = block.values[:, self._column]
         timed_rows = np.flatnonzero(np.isfinite(column))
         if not self._rows:
-            self._begin(path, block, column, timed_rows)
+            self._learn_interval(path, block, column, timed_rows)
         times_s = self._filled(column * self._unit_s, timed_rows)
-        before_s = times_s if math.isnan(self._last_s) else np.concatenate(([self._last_s], times_s))
-        self._check_steps(block, before_s, len(times_s) - len(before_s) + 1)
+        joined_s = times_s if math.isnan(self._last_s) else np.concatenate(([self._last_s], times_s))
+        self._check_steps(block, joined_s, len(times_s) - len(joined_s) + 1)
         self._last_s = float(times_s[-1])
         self._rows += len(times_s)
         span_s = float(times_s[-1] - times_s[0])
@@ -104,19 +104,19 @@ class TimeColumn:
         rate_hz = (self._rows - 1) / span_s
         rounding_s = self.rounding_s
         std_hz = None if rounding_s is None else rate_hz * math.sqrt(2.0) * _ROUNDING_STD * rounding_s / span_s
-        about = self._advice(rate_hz)
+        advice = self._advice(rate_hz)
         if rounding_s is not None and rounding_s > _COARSEST * self.interval_s:
             raise ImportDataError(
                 f"{path}: the times are rounded to {rounding_s * 1e3:g} ms, which is more than a sample interval",
-                f"State rate_hz ({about}) instead of time_column, if no sample is missing.",
+                f"State rate_hz ({advice}) instead of time_column, if no sample is missing.",
             )
         if self._fault:
-            more = f" ({self._wrong} such steps in the file)" if self._wrong > 1 else ""
+            count_note = f" ({self._fault_count} such steps in the file)" if self._fault_count > 1 else ""
             rounded = "" if rounding_s is None else f", and the times are rounded to {rounding_s * 1e3:g} ms"
             raise ImportDataError(
-                f"{path}: {self._fault}{more}{rounded}",
+                f"{path}: {self._fault}{count_note}{rounded}",
                 "If samples are missing, cut the file there. If no sample is missing, state rate_hz "
-                f"({about}) instead of time_column.",
+                f"({advice}) instead of time_column.",
             )
         for part_hz, tolerance, where in self._rates:
             if abs(part_hz / rate_hz - 1.0) > _RATE_TOLERANCE + tolerance:
@@ -139,7 +139,7 @@ class TimeColumn:
         where = "the steps without a gap" if self._fault else "the whole file"
         return f"{rate_hz:.8g} +- {std_hz:.1g} by {where}"
 
-    def _begin(self, path: Path, block: Block, column: FloatArray, timed_rows: NDArray[np.intp]) -> None:
+    def _learn_interval(self, path: Path, block: Block, column: FloatArray, timed_rows: NDArray[np.intp]) -> None:
         """Learn the sample interval and the rounding from the first block."""
         times_s = column[timed_rows] * self._unit_s
         span_s = float(times_s[-1] - times_s[0]) if len(times_s) > 1 else 0.0
@@ -191,20 +191,20 @@ class TimeColumn:
         deviations_s = np.abs(steps_s - self.interval_s)
         self.jitter_s = max(self.jitter_s, float(deviations_s.max()))
         # Rounding alone moves a step by up to the grid.
-        whole = deviations_s <= _STEP_TOLERANCE * self.interval_s + (self._grid_s or 0.0)
-        self._steps += int(np.count_nonzero(whole))
-        self._stepped_s += float(steps_s[whole].sum())
-        self._pieces += int(np.count_nonzero(~whole))
-        wrong = np.flatnonzero(deviations_s > _STEP_TOLERANCE * self.interval_s)
-        if not len(wrong):
+        is_regular = deviations_s <= _STEP_TOLERANCE * self.interval_s + (self._grid_s or 0.0)
+        self._steps += int(np.count_nonzero(is_regular))
+        self._stepped_s += float(steps_s[is_regular].sum())
+        self._pieces += int(np.count_nonzero(~is_regular))
+        faulty_rows = np.flatnonzero(deviations_s > _STEP_TOLERANCE * self.interval_s)
+        if not len(faulty_rows):
             return
         if self._only_rounded(times_s):
             self._rounded = True
             return
-        self._wrong += len(wrong)
+        self._fault_count += len(faulty_rows)
         if not self._fault:
             # Where times are rounded, many steps deviate and the largest one is the gap.
-            row = int(wrong[0]) if self._grid_s is None else int(np.argmax(deviations_s))
+            row = int(faulty_rows[0]) if self._grid_s is None else int(np.argmax(deviations_s))
             step = steps_s[row] / self.interval_s
             self._fault = f"{block.where(row + first_row)}: the time steps by {step:.3g} sample intervals"
 
@@ -218,9 +218,9 @@ class TimeColumn:
 def line_through(rows: FloatArray, times_s: FloatArray) -> tuple[float, float]:
     """Return slope and largest residual of the line through (n,) times at rows."""
     centred = rows - rows.mean()
-    middle_s = float(times_s.mean())
-    slope_s = float(centred @ (times_s - middle_s) / max(float(centred @ centred), 1.0))
-    return slope_s, float(np.abs(times_s - middle_s - slope_s * centred).max())
+    mean_s = float(times_s.mean())
+    slope_s = float(centred @ (times_s - mean_s) / max(float(centred @ centred), 1.0))
+    return slope_s, float(np.abs(times_s - mean_s - slope_s * centred).max())
 
 
 def decimal_grid(values: FloatArray) -> float | None:
@@ -233,8 +233,8 @@ def decimal_grid(values: FloatArray) -> float | None:
         tolerance = max(1e-6, 16 * np.finfo(np.float64).eps * largest * 10.0**digits)
         if tolerance > 0.05:
             return None
-        whole = np.rint(scaled)
-        if float(np.abs(scaled - whole).max()) <= tolerance:
-            step = int(np.gcd.reduce(np.abs(np.diff(whole)).astype(np.int64)))
+        rounded = np.rint(scaled)
+        if float(np.abs(scaled - rounded).max()) <= tolerance:
+            step = int(np.gcd.reduce(np.abs(np.diff(rounded)).astype(np.int64)))
             return step * 10.0**-digits if step else None
     return None

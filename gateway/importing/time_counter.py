@@ -10,7 +10,7 @@ from gateway.core.types import FloatArray
 # Counters of microcontrollers; one of 2^32 us starts again each 71.6 minutes, also where it was converted to ms or s.
 _COUNTS: Final = (2.0**32, 2.0**24, 2.0**16, 2.0**32 * 1e-3, 2.0**32 * 1e-6)
 # Sample intervals that may be missing where a counter starts again; a step back by another amount is a fault.
-_MOST_MISSING: Final = 20
+_MAX_MISSING: Final = 20
 
 
 class TimeCounter:
@@ -25,7 +25,7 @@ class TimeCounter:
         self.restarts = 0
         self._last = math.nan
         self._interval = math.nan
-        self._added = 0.0
+        self._offset = 0.0
 
     def look(self, times: FloatArray) -> FloatArray:
         """Return the (n,) times of the next rows as those of a counter that goes on; a row without a time is NaN."""
@@ -37,19 +37,19 @@ class TimeCounter:
             self._interval = float(np.median(np.diff(values) / np.diff(rows)))
         steps = np.diff(values, prepend=self._last)
         self._last = float(values[-1])
-        added = np.zeros(len(rows))
+        offsets = np.zeros(len(rows))
         for row in np.flatnonzero(steps < 0.0).tolist():
-            most = self._interval * (_MOST_MISSING + (rows[row] - rows[row - 1] if row else 1))
-            before = values[row] - steps[row]
+            limit = self._interval * (_MAX_MISSING + (rows[row] - rows[row - 1] if row else 1))
+            last = values[row] - steps[row]
             # Both sides of the step lie at the ends of the counter.
-            fitting = [n for n in _COUNTS if 0.0 <= values[row] <= most and n - before > 0.0 and n + steps[row] <= most]
+            fitting = [n for n in _COUNTS if 0.0 <= values[row] <= limit and n - last > 0.0 and n + steps[row] <= limit]
             if fitting:
-                added[row] = fitting[0]
+                offsets[row] = fitting[0]
                 self.restarts += 1
-        if not added.any() and not self._added:
+        if not offsets.any() and not self._offset:
             return times
-        total = self._added + np.cumsum(added)
-        self._added = float(total[-1])
+        total = self._offset + np.cumsum(offsets)
+        self._offset = float(total[-1])
         continued = times.copy()
         continued[rows] = values + total
         return continued

@@ -54,21 +54,21 @@ class TydexColumns(WaveformColumns):
         header = dict(_fields(line)[::2] for _, line in sections.get("HEADER", []))
         for clock in _CLOCKS:
             with suppress(ValueError):
-                begun = datetime.strptime(f"{header.get('DATE')} {header.get('CLCKTIME')}", clock).replace(tzinfo=UTC)
-                self.start_ns = int(begun.timestamp()) * 1_000_000_000
+                start = datetime.strptime(f"{header.get('DATE')} {header.get('CLCKTIME')}", clock).replace(tzinfo=UTC)
+                self.start_ns = int(start.timestamp()) * 1_000_000_000
 
     def _values(self, channels: list[str], rows: list[tuple[int, str]]) -> None:
         table = number_table(self.path, rows, len(channels))
         for line, measured in zip(channels, table.T, strict=True):
             key, unit, numbers = _fields(line)
             try:
-                stated = [float(number) for number in numbers.split()[:3]]
-                factor, before, after = stated + [1.0, 0.0, 0.0][len(stated) :]
+                coefficients = [float(number) for number in numbers.split()[:3]]
+                factor, input_offset, output_offset = coefficients + [1.0, 0.0, 0.0][len(coefficients) :]
             except ValueError as error:
                 raise ImportDataError(
                     f"{self.path}: channel {key} has no factor of numbers", "Export it again."
                 ) from error
-            self._add(key, unit, factor * (measured + before) + after)
+            self._add(key, unit, factor * (measured + input_offset) + output_offset)
 
     def _add(self, key: str, unit: str, values: FloatArray) -> None:
         self.waveforms[key] = Waveform.of(values, "" if unit == "-" else unit)

@@ -37,8 +37,8 @@ class UffColumns(WaveformColumns):
         import pyuff
 
         super().__init__(path)
-        with _well_formed(path) as whole:
-            file = pyuff.UFF(str(whole))
+        with _well_formed(path) as readable:
+            file = pyuff.UFF(str(readable))
             numbers = [k for k, kind in enumerate(file.get_set_types()) if int(kind) == _FUNCTIONS]
             sets = [_dataset(path, file, k) for k in numbers]
         if not sets:
@@ -108,9 +108,9 @@ def _well_formed(path: Path) -> Iterator[Path]:
         yield path
         return
     with TemporaryDirectory() as folder:
-        whole = Path(folder) / "whole.uff"
-        whole.write_bytes(b"\n".join(text) + b"\n")
-        yield whole
+        repaired = Path(folder) / "whole.uff"
+        repaired.write_bytes(b"\n".join(text) + b"\n")
+        yield repaired
 
 
 def _unit(dataset: dict[str, Any]) -> str:

@@ -77,27 +77,27 @@ def fits(found_mps2: float, expected_mps2: float) -> bool:
 def revolution_lag(signal: FloatArray, rate_hz: float, radius_m: float) -> int | None:
     """Return the shortest lag, in samples, at which the signal repeats; None when it does not."""
     count = len(signal)
-    shortest = math.ceil(2.0 * math.pi * radius_m / _FASTEST_MPS * rate_hz)
-    longest = min(int(2.0 * math.pi * radius_m / _SLOWEST_MPS * rate_hz), count // 2)
+    min_lag = math.ceil(2.0 * math.pi * radius_m / _FASTEST_MPS * rate_hz)
+    max_lag = min(int(2.0 * math.pi * radius_m / _SLOWEST_MPS * rate_hz), count // 2)
     present = np.isfinite(signal)
-    if longest <= shortest or not present.any():
+    if max_lag <= min_lag or not present.any():
         return None
     centred = np.where(present, signal - np.nanmean(signal), 0.0)
     spectrum = np.fft.rfft(centred, 2 * count)
-    products = np.fft.irfft(np.abs(spectrum) ** 2)[: longest + 1]
-    correlation = products / np.maximum(count - np.arange(longest + 1), 1) * count
+    products = np.fft.irfft(np.abs(spectrum) ** 2)[: max_lag + 1]
+    correlation = products / np.maximum(count - np.arange(max_lag + 1), 1) * count
     if not correlation[0] > 0.0:
         return None
     correlation /= correlation[0]
     # The main lobe around lag 0 is the width of the contact, not a period.
     below = np.flatnonzero(correlation < 0.25)
-    start = max(shortest, int(below[0]) if len(below) else longest)
-    if start >= longest:
+    start = max(min_lag, int(below[0]) if len(below) else max_lag)
+    if start >= max_lag:
         return None
-    best = float(correlation[start:].max())
-    if best < _MIN_CORRELATION:
+    peak = float(correlation[start:].max())
+    if peak < _MIN_CORRELATION:
         return None
-    first = start + int(np.flatnonzero(correlation[start:] >= _ONE_REVOLUTION * best)[0])
+    first = start + int(np.flatnonzero(correlation[start:] >= _ONE_REVOLUTION * peak)[0])
     return first + int(np.argmax(correlation[first : first + max(1, first // 20)]))
 
 

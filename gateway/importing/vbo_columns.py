@@ -54,9 +54,9 @@ class VboColumns(WaveformColumns):
         units = units[:-1] if units and not units[-1] else units
         self._date = next((match for _, line in sections[""] if (match := _CREATED.search(line))), None)
         # Units are listed for the last channels only: the first are the standard ones.
-        of_names = dict(zip(names[len(names) - len(units) :], units, strict=False)) if len(units) <= len(names) else {}
+        unit_map = dict(zip(names[len(names) - len(units) :], units, strict=False)) if len(units) <= len(names) else {}
         for k, name in enumerate(names):
-            self._add(name, titles[k] if k < len(titles) else name, table[:, k], of_names.get(name, ""))
+            self._add(name, titles[k] if k < len(titles) else name, table[:, k], unit_map.get(name, ""))
 
     def _add(self, name: str, title: str, values: FloatArray, unit: str) -> None:
         if name.lower() == "time":

@@ -46,11 +46,11 @@ def _ended(path: Path) -> Path | io.BytesIO:
     """Return a file, with the size of its samples where it was written to a pipe, which leaves that open."""
     with path.open("rb") as file:
         start = file.read(_HEADER_BYTES)
-    place = start.find(b"data", 12) + 4
-    if not start.startswith(b"RIFF") or start[place : place + 4] != b"\xff" * 4:
+    offset = start.find(b"data", 12) + 4
+    if not start.startswith(b"RIFF") or start[offset : offset + 4] != b"\xff" * 4:
         return path
     content = path.read_bytes()
-    return io.BytesIO(content[:place] + struct.pack("<I", len(content) - place - 4) + content[place + 4 :])
+    return io.BytesIO(content[:offset] + struct.pack("<I", len(content) - offset - 4) + content[offset + 4 :])
 
 
 def _waveform(values: FloatArray, full: float, zero: float, rate_hz: float) -> Waveform:

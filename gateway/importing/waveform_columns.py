@@ -125,7 +125,7 @@ class WaveformColumns:
         shifts = self._shifts(channels, base)
         begin = max(shifts.values())
         end = min(shift + channels[name].rows for name, shift in shifts.items())
-        slow = {name: _whole(channel) for name, channel in channels.items() if name not in shifts}
+        slow = {name: _timed_values(channel) for name, channel in channels.items() if name not in shifts}
         for first in range(begin, end, BLOCK_ROWS):
             last = min(first + BLOCK_ROWS, end)
             times_s = base.start_s + np.arange(first, last) * base.step_s
@@ -175,31 +175,31 @@ class WaveformColumns:
         return shifts
 
     def _different_steps(self, channels: Mapping[str, Waveform]) -> ImportDataError:
-        shown = ", ".join(
+        steps_text = ", ".join(
             f"{name} has {channel.step_s:g} s" if channel.step_s else f"{name} has none"
             for name, channel in channels.items()
         )
         return ImportDataError(
-            f"{self.path}: the channels differ in their step: {shown}",
+            f"{self.path}: the channels differ in their step: {steps_text}",
             "Leave channels of other rates out of the map, or state rate_hz instead of time_column.",
         )
 
     def _cut(self) -> dict[str, tuple[int, int]]:
         """Return rows and expected rows of the channels that end before the others of their group and step."""
-        cut = {}
+        cut_rows = {}
         for name, channel in self.waveforms.items():
-            alike = [each for each in self.waveforms.values() if each.group == channel.group and channel.is_alike(each)]
-            ends_first = channel.end_s < max(each.end_s for each in alike) - 0.5 * channel.step_s
+            peers = [peer for peer in self.waveforms.values() if peer.group == channel.group and channel.is_alike(peer)]
+            is_short = channel.end_s < max(peer.end_s for peer in peers) - 0.5 * channel.step_s
             expected = max(
                 channel.stated_rows,
-                max(each.rows for each in alike) if channel.step_s > 0.0 and ends_first else 0,
+                max(peer.rows for peer in peers) if channel.step_s > 0.0 and is_short else 0,
             )
             if channel.rows < expected:
-                cut[name] = (channel.rows, expected)
-        return cut
+                cut_rows[name] = (channel.rows, expected)
+        return cut_rows
 
 
-def _whole(channel: Waveform) -> tuple[FloatArray, FloatArray]:
+def _timed_values(channel: Waveform) -> tuple[FloatArray, FloatArray]:
     """Return times and values of a slow channel."""
     times_s: FloatArray = channel.start_s + np.arange(channel.rows, dtype=np.float64) * channel.step_s
     return times_s, channel.read(0, channel.rows)

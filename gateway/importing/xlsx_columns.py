@@ -16,7 +16,7 @@ from gateway.importing.waveform_columns import Waveform, WaveformColumns
 
 _HEADER_ROWS: Final = 200
 # A row of data consists of numbers for the larger part; a line such as `rate | 9600` does not.
-_MOSTLY: Final = 0.5
+_NUMBER_SHARE: Final = 0.5
 
 
 class XlsxColumns(WaveformColumns):
@@ -36,30 +36,30 @@ class XlsxColumns(WaveformColumns):
             for sheet in openpyxl.load_workbook(file, read_only=True, data_only=True).worksheets:
                 # Programs state the wrong number of rows.
                 sheet.reset_dimensions()
-                self._read(printable(sheet.title), sheet.iter_rows(values_only=True))
+                self._read_sheet(printable(sheet.title), sheet.iter_rows(values_only=True))
         if not self.waveforms:
             raise ImportDataError(
                 f"{path} has no sheet with rows of numbers",
                 "Formulas have values only after a spreadsheet program has saved the file.",
             )
 
-    def _read(self, sheet: str, rows: Iterator[Sequence[Any]]) -> None:
-        above: list[Sequence[Any]] = []
+    def _read_sheet(self, sheet: str, rows: Iterator[Sequence[Any]]) -> None:
+        head_rows: list[Sequence[Any]] = []
         for row in rows:
-            above.append(row)
-            if len(above) > 1 and all(map(_are_data, above[-2:])):
+            head_rows.append(row)
+            if len(head_rows) > 1 and all(map(_are_data, head_rows[-2:])):
                 break
-            if len(above) > _HEADER_ROWS:
+            if len(head_rows) > _HEADER_ROWS:
                 return
         else:
             return
-        first, second = above.pop(-2), above.pop()
-        self._note_rates(sheet, above)
-        texts = [["" if cell is None else str(cell).strip() for cell in cells] for cells in above]
+        first, second = head_rows.pop(-2), head_rows.pop()
+        self._note_rates(sheet, head_rows)
+        texts = [["" if cell is None else str(cell).strip() for cell in cells] for cells in head_rows]
         units = texts.pop() if len(texts) > 1 and are_units(texts[-1]) else []
         width = max(len(first), len(second))
         names = column_names([*(texts[-1] if texts else []), *[""] * width][:width])
-        columns = self._columns(sheet, len(names), len(above) + 1, itertools.chain((first, second), rows))
+        columns = self._columns(sheet, len(names), len(head_rows) + 1, itertools.chain((first, second), rows))
         for k, (name, values) in enumerate(zip(names, columns, strict=True)):
             array = np.array(values)
             column = f"{sheet}/{printable(name)}"
@@ -71,7 +71,7 @@ class XlsxColumns(WaveformColumns):
     def _columns(self, sheet: str, width: int, first_number: int, rows: Iterable[Sequence[Any]]) -> list[list[float]]:
         """Return the numbers of each column, NaN for other cells, which are told."""
         columns: list[list[float]] = [[] for _ in range(width)]
-        text, wrong = "", 0
+        first, skipped = "", 0
         for number, row in enumerate(rows, first_number):
             if all(cell is None for cell in row):
                 continue
@@ -80,14 +80,14 @@ class XlsxColumns(WaveformColumns):
                 value = _number(cell)
                 values.append(np.nan if value is None else value)
                 if value is None and cell is not None:
-                    wrong += 1
-                    text = text or f"row {number}, '{str(cell)[:40]}'"
-        if wrong:
-            self.warnings.append(f"sheet {sheet}: {wrong} cells are no numbers and left empty, the first is {text}")
+                    skipped += 1
+                    first = first or f"row {number}, '{str(cell)[:40]}'"
+        if skipped:
+            self.warnings.append(f"sheet {sheet}: {skipped} cells are no numbers and left empty, the first is {first}")
         return columns
 
-    def _note_rates(self, sheet: str, above: Sequence[Sequence[Any]]) -> None:
-        for number, cells in enumerate(above, 1):
+    def _note_rates(self, sheet: str, head_rows: Sequence[Sequence[Any]]) -> None:
+        for number, cells in enumerate(head_rows, 1):
             filled = [cell for cell in cells if cell is not None]
             rate_hz = rate_of(str(filled[0]), filled[1]) if len(filled) > 1 else None
             if rate_hz is not None:
@@ -96,7 +96,7 @@ class XlsxColumns(WaveformColumns):
 
 def _are_data(row: Sequence[Any]) -> bool:
     filled = [cell for cell in row if cell is not None]
-    return sum(_number(cell) is not None for cell in filled) > _MOSTLY * len(filled)
+    return sum(_number(cell) is not None for cell in filled) > _NUMBER_SHARE * len(filled)
 
 
 def _number(cell: object) -> float | None:

@@ -108,7 +108,7 @@ def _eq_11(figure: Figure) -> str:
         signal_axes.plot(_ORDERS, -1e3 * scale * row.imag, label=label)
     signal_axes.set(xlabel="mode number n", ylabel="sine coefficient of s / Ω², mm", xlim=(0, 30))
     signal_axes.legend(fontsize=8.0)
-    bound, free = damping_bound(torque_known=True), damping_bound(torque_known=False)
+    bound, loose = damping_bound(torque_known=True), damping_bound(torque_known=False)
     fitted = {load: fitted_dampings(load) for load in (2000.0, 5000.0, 8000.0)}
     listed = "; ".join(
         f"{load:.0f} N: {radial:.2f} and {tangential:+.2f}" for load, (radial, tangential) in fitted.items()
@@ -119,8 +119,8 @@ def _eq_11(figure: Figure) -> str:
         f"{100 * resistance:.1f} % at 5000 N). The phase of c_v falls off faster with the order, by n², so noise alone "
         f"parts them: the Cramér-Rao bound of a revolution at {NOISE_MG_PER_RTHZ:.0f} mg/√Hz is "
         f"{100 * bound.radial:.1f} % of c_w and {100 * bound.tangential:.0f} % of c_v (correlation "
-        f"{bound.correlation:+.2f}) where the driving torque is known. Where it is not, {100 * free.radial:.1f} % and "
-        f"{100 * free.tangential:.0f} %, and the torque is bound to {free.torque_nm:.0f} N m. The linear ring of Eq. "
+        f"{bound.correlation:+.2f}) where the driving torque is known. Where it is not, {100 * loose.radial:.1f} % and "
+        f"{100 * loose.tangential:.0f} %, and the torque is bound to {loose.torque_nm:.0f} N m. The linear ring of Eq. "
         "11 does not reach that bound on a loaded belt: it fits c_w and c_v as these multiples of the truth: "
         f"{listed}. So c_v is not determined by Eq. 11, whatever the number of revolutions, and c_w to half of its "
         "value."
@@ -152,13 +152,13 @@ def _derivatives(load_n: float) -> ComplexArray:
     ring = _damped(1.0)
 
     def solved(radial: float, tangential: float, torque_nm: float, start: RingSolution | None = None) -> RingSolution:
-        moved = replace(
+        varied = replace(
             ring,
             foundation_damping_nspm2=radial * ring.foundation_damping_nspm2,
             tangential_damping_ratio=tangential / radial,
         )
         return solve_rolling_ring(
-            moved, load_n, TABLE_3_PRESSURE_PA, OMEGA_RADPS, nodes=_NODES, axle_torque_nm=torque_nm, start=start
+            varied, load_n, TABLE_3_PRESSURE_PA, OMEGA_RADPS, nodes=_NODES, axle_torque_nm=torque_nm, start=start
         )
 
     base = solved(1.0, 1.0, 0.0)

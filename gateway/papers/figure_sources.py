@@ -144,8 +144,8 @@ def measured_tires(
 def _of_recording(source: FigureSource, config_path: Path | None, *, show_progress: bool) -> list[MeasuredTire]:
     file = open_recorded_file(source.path)
     wheels: dict[str, MeasuredWheel] = {}
-    shown = progress_bar(f"reading {source.path.name}") if show_progress else nullcontext(Bar(None, None))
-    with shown as bar:
+    progress = progress_bar(f"reading {source.path.name}") if show_progress else nullcontext(Bar(None, None))
+    with progress as bar:
         size = max(file.info.size_bytes, 1)
         recording = open_recording(file, config_path, on_position=lambda position: bar.show(position / size))
         for result in RecordingPass(recording, (*DEFAULT_ESTIMATORS, "side-force"), signals=recording.signals()):
@@ -253,10 +253,10 @@ def table_lines(tires: Sequence[MeasuredTire]) -> Iterator[str]:
         decimals = (0, 1, 1, 1, 2, 3)
         texts = [fixed(value, places) for value, places in zip(_conditions(tire), decimals, strict=True)]
         rows.append([tire.name, *texts, *(round_to_error(*pair).joined() for pair in _numbers(tire))])
-    shown = [column for column in range(len(heads)) if column == 0 or any(row[column] != MISSING for row in rows[1:])]
-    widths = [max(width(row[column]) for row in rows) for column in shown]
+    columns = [column for column in range(len(heads)) if column == 0 or any(row[column] != MISSING for row in rows[1:])]
+    widths = [max(width(row[column]) for row in rows) for column in columns]
     for row in rows:
-        first, *others = (row[column] for column in shown)
+        first, *others = (row[column] for column in columns)
         yield "  ".join((pad(first, widths[0]), *(pad_left(t, w) for t, w in zip(others, widths[1:], strict=True))))
     for tire in tires:
         if abs(tire.speed_kmh / tire.stated_speed_kmh - 1.0) > _SPEED_TOLERANCE:

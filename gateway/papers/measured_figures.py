@@ -215,8 +215,8 @@ def _make_trend(number: str, title: str, against: str, tires: Sequence[MeasuredT
 
 
 def _make_slopes(against: str, constant: str, tires: Sequence[MeasuredTire]) -> Draw:
-    alike = _alike(tires, against, constant)
-    series = {name: [(tire, *tire.slopes_rad[name]) for tire in alike if name in tire.slopes_rad] for name in SLOPES}
+    wheels = _comparable_wheels(tires, against, constant)
+    series = {name: [(tire, *tire.slopes_rad[name]) for tire in wheels if name in tire.slopes_rad] for name in SLOPES}
     degrees = {
         name: [(tire, math.degrees(value), math.degrees(std)) for tire, value, std in points]
         for name, points in series.items()
@@ -226,24 +226,24 @@ def _make_slopes(against: str, constant: str, tires: Sequence[MeasuredTire]) -> 
     return draw
 
 
-def _alike(tires: Sequence[MeasuredTire], against: str, constant: str) -> Sequence[MeasuredTire]:
+def _comparable_wheels(tires: Sequence[MeasuredTire], against: str, constant: str) -> Sequence[MeasuredTire]:
     """Return the wheels of one load, or pressure, that have the most values of the other; all if none is known."""
-    abscissa, other = (_ABSCISSAE[name][1] for name in (against, constant))
-    stated = [tire for tire in tires if math.isfinite(abscissa(tire)) and math.isfinite(other(tire))]
+    abscissa, constant_of = (_ABSCISSAE[name][1] for name in (against, constant))
+    complete = [tire for tire in tires if math.isfinite(abscissa(tire)) and math.isfinite(constant_of(tire))]
 
-    def about(middle: MeasuredTire) -> list[MeasuredTire]:
-        return [tire for tire in stated if abs(other(tire) / other(middle) - 1.0) <= _SAME_CONDITION]
+    def neighbours(middle: MeasuredTire) -> list[MeasuredTire]:
+        return [tire for tire in complete if abs(constant_of(tire) / constant_of(middle) - 1.0) <= _SAME_CONDITION]
 
-    def values(alike: Sequence[MeasuredTire]) -> int:
-        steps = np.diff(np.log(sorted(abscissa(tire) for tire in alike)))
+    def values(wheels: Sequence[MeasuredTire]) -> int:
+        steps = np.diff(np.log(sorted(abscissa(tire) for tire in wheels)))
         return int(np.count_nonzero(steps > _SAME_CONDITION))
 
-    if not stated:
+    if not complete:
         return tires
-    best = max(map(about, stated), key=values)
-    if not values(best) and values(stated):
+    chosen = max(map(neighbours, complete), key=values)
+    if not values(chosen) and values(complete):
         raise _MissingError(f"no two wheels of one {constant} differ in {against}")
-    return best
+    return chosen
 
 
 _Points = dict[str, list[tuple[float, float, float]]]
@@ -326,10 +326,10 @@ def _ply_11(lateral: _Lateral, figure: Figure) -> str:
         wave = waveforms.average.omega_radps**2 * lateral_waveform(lateral_m, GRID_SIZE)
         if waveforms.orders is not None:
             samples = waveforms.orders.block_mps2[1]
-            whole = samples[: len(samples) // GRID_SIZE * GRID_SIZE].reshape(-1, GRID_SIZE).mean(axis=0)
+            mean_wave = samples[: len(samples) // GRID_SIZE * GRID_SIZE].reshape(-1, GRID_SIZE).mean(axis=0)
             # A block begins in the middle of a contact.
-            whole = np.roll(whole - whole.mean(), GRID_SIZE // 2)
-            axes.plot(np.degrees(angle_grid()), whole, color="0.6", label="samples, without mean")
+            mean_wave = np.roll(mean_wave - mean_wave.mean(), GRID_SIZE // 2)
+            axes.plot(np.degrees(angle_grid()), mean_wave, color="0.6", label="samples, without mean")
         axes.plot(np.degrees(angle_grid()), wave, color="black", label=f"{tire.name}, orders")
         axes.set(xlim=(-60, 60), xlabel="angle from contact centre, °", ylabel="lateral acceleration, m/s²")
         axes.legend(fontsize=7.0)

@@ -118,7 +118,7 @@ class MeasuredWheel:
             name: of recording and wheel.
             stated: conditions that replace those of the recording.
         """
-        self._name, self._stated = name, stated
+        self._name, self._overrides = name, stated
         self._running = RunningAverage(horizon_revolutions=_HORIZON_REVOLUTIONS)
         self._orders: OrderAccumulator | None = None
         self._last: tuple[Revolution, AngleAverage, TireConditions] | None = None
@@ -150,12 +150,12 @@ class MeasuredWheel:
         if self._last is None:
             return None
         revolution, average, conditions = self._last
-        stated = self._stated
-        if stated.load_n is not None:
-            conditions = replace(conditions, load_n=stated.load_n, load_std_n=0.0)
-        if stated.pressure_pa is not None:
-            conditions = replace(conditions, pressure_pa=stated.pressure_pa, pressure_std_pa=0.0)
-        wear_mm = stated.wear_mm
+        overrides = self._overrides
+        if overrides.load_n is not None:
+            conditions = replace(conditions, load_n=overrides.load_n, load_std_n=0.0)
+        if overrides.pressure_pa is not None:
+            conditions = replace(conditions, pressure_pa=overrides.pressure_pa, pressure_std_pa=0.0)
+        wear_mm = overrides.wear_mm
         if wear_mm is None and conditions.tire.wear_m is not None:
             wear_mm = 1e3 * conditions.tire.wear_m
         return MeasuredTire(
@@ -164,7 +164,7 @@ class MeasuredWheel:
             pressure_pa=_number(conditions.pressure_pa),
             wear_mm=_number(wear_mm),
             speed_kmh=_number(self._speed.value),
-            stated_speed_kmh=_number(stated.speed_kmh),
+            stated_speed_kmh=_number(overrides.speed_kmh),
             radius_m=conditions.radius_m,
             edges_rad=(average.leading_edge_rad, average.trailing_edge_rad),
             numbers={name: _numbers(name, revolution, average, conditions) for name in ESTIMATORS},

@@ -44,7 +44,7 @@ _ORDERS: Final = np.arange(1, 61)
 _SHOWN_ORDERS: Final = 30
 _INFLUENCE_ORDERS: Final = np.arange(1, 31)
 # Share of a number's influence on the signal, in squares, that the caption reports the orders of.
-_MOST: Final = 0.95
+_BULK: Final = 0.95
 
 
 def figures() -> Mapping[str, Callable[[Figure], str]]:
@@ -61,14 +61,14 @@ def _fig_7(figure: Figure) -> str:
     upper.set(xlim=(0, 4), xlabel="revolutions", ylabel="radial\n(inward), m/s²")
     upper.legend(loc="upper right", fontsize=8.0)
     shares = []
-    between = 0.0
+    off_order = 0.0
     for speed, spectrum in spectra.items():
         amplitude = 1e3 * spectrum.fine_mps2[2] / _omega(speed) ** 2
         share, std = 100.0 * spectrum.integer_share[2], 100.0 * spectrum.integer_share_std[2]
         shares.append(f"{share:.3f} ± {std:.3f} % at {speed:.0f} km/h")
         lower.plot(spectrum.fine_order[1:], amplitude[1:], linewidth=0.9, label=f"{speed:.0f} km/h: {share:.3f} %")
-        off = np.arange(len(amplitude)) % BLOCK_REVOLUTIONS != 0
-        between = max(between, float(np.nanmax(amplitude[off]) / np.nanmax(amplitude[1:])))
+        is_off_order = np.arange(len(amplitude)) % BLOCK_REVOLUTIONS != 0
+        off_order = max(off_order, float(np.nanmax(amplitude[is_off_order]) / np.nanmax(amplitude[1:])))
     lower.set(
         xlim=(0, _SHOWN_ORDERS), xlabel="frequency over that of rotation", ylabel="amplitude / Ω², mm", yscale="log"
     )
@@ -76,7 +76,7 @@ def _fig_7(figure: Figure) -> str:
     return (
         f"Reproduced: the spectrum over {BLOCK_REVOLUTIONS} revolutions has its peaks on integer orders, and of the "
         f"power above order 0 there lie {', '.join(shares)}; white noise alone has {100.0 / BLOCK_REVOLUTIONS:.1f} %. "
-        f"Between them the amplitude is at most {100 * between:.1f} % of the largest. The noise is that of a sensor "
+        f"Between them the amplitude is at most {100 * off_order:.1f} % of the largest. The noise is that of a sensor "
         f"({NOISE_MG_PER_RTHZ:.0f} mg/√Hz) and of a road ({_ROAD_MPS2:.0f} m/s² rms below {_ROAD_BAND_HZ:.0f} Hz). "
         "Integer orders show that the signal repeats with the revolution, as any signal locked to the wheel does. They "
         "do not show that a ring describes it. For a recording: `treadlink orders RECORDING --figure FILE`."
@@ -139,13 +139,13 @@ def _fig_10(figure: Figure) -> str:
         for name in RING_NUMBERS
         if name in largest
     )
-    most = ", ".join(f"{name} {_orders_with_most(influence[:, index])}" for index, name in enumerate(RING_NUMBERS))
+    ends = ", ".join(f"{name} {_orders_with_most(influence[:, index])}" for index, name in enumerate(RING_NUMBERS))
     return (
         "Reproduced: Rs and Ts act on low modes, Cw and Bs on high ones. The largest term of the modal stiffness is "
         f"{ranges}. Ts is nowhere the largest: it has {100 * shares[0, 3]:.0f} % at n = 1, {100 * shares[1, 3]:.0f} % "
         f"at n = 2 and {100 * shares[3, 3]:.1f} % at n = 4. A sensor on the ring does not read n = 1 at all (n² - 1; "
-        f"dotted: n² as in Eq. 25), so that Ts rests on orders 2 to 4. {100 * _MOST:.0f} % of each number's influence "
-        f"on the signal (squares) lie at orders up to: {most}. The influences overlap: the paper's conclusion that all "
+        f"dotted: n² as in Eq. 25), so that Ts rests on orders 2 to 4. {100 * _BULK:.0f} % of each number's influence "
+        f"on the signal (squares) lie at orders up to: {ends}. The influences overlap: the paper's conclusion that all "
         "four are estimated accurately does not follow from this figure."
     )
 
@@ -214,9 +214,9 @@ def _influence(kinematics: Kinematics) -> FloatArray:
 
 
 def _orders_with_most(influence: FloatArray) -> int:
-    """Return the lowest order up to which _MOST of the squares lie."""
+    """Return the lowest order up to which _BULK of the squares lie."""
     running = np.cumsum(np.square(influence))
-    return int(_INFLUENCE_ORDERS[np.searchsorted(running, _MOST * running[-1])])
+    return int(_INFLUENCE_ORDERS[np.searchsorted(running, _BULK * running[-1])])
 
 
 def _range(orders: list[int]) -> str:

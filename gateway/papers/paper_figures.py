@@ -55,21 +55,21 @@ def figures(
         tires = measured_tires(
             inputs, config_path, lambda path: on_line(f"reading {path}"), show_progress=show_progress
         )
-        wanted, missing = measured_figures(tires, wanted_names)
+        selected, missing = measured_figures(tires, wanted_names)
         for line in table_lines(tires):
             on_line(line)
         write(table[0], table_csv(tires))
         left_out = [f"{name}: left out: {reason}" for name, reason in missing.items()]
-        if not wanted:
+        if not selected:
             raise TreadlinkError(
                 "\n".join(("these measurements allow no figure", *left_out)), f"'{table[0]}' has what was measured."
             )
         for line in left_out:
             on_line(line)
     else:
-        wanted = chosen(wanted_names)
+        selected = chosen(wanted_names)
     drawn = draw_figures(
-        wanted,
+        selected,
         folder,
         suffix=suffix,
         write=write,

@@ -86,15 +86,15 @@ def _fig_2(figure: Figure) -> str:
 def _fig_10(figure: Figure) -> str:
     """Lateral displacement of the belt: standing, rolling, difference."""
     axes = figure.subplots()
-    still, moving = solve_lateral_belt(_ring(), _BELT, rolling=False), _shape(0.0)
-    change = moving.y_m - still.y_m
-    for values, label in ((still.y_m, "standing"), (moving.y_m, "rolling"), (change, "rolling - standing")):
-        axes.plot(np.degrees(still.theta_rad), 1e3 * values, label=label)
+    static, moving = solve_lateral_belt(_ring(), _BELT, rolling=False), _shape(0.0)
+    change = moving.y_m - static.y_m
+    for values, label in ((static.y_m, "standing"), (moving.y_m, "rolling"), (change, "rolling - standing")):
+        axes.plot(np.degrees(static.theta_rad), 1e3 * values, label=label)
     axes.set(xlim=(-180, 180), xlabel="angle from contact centre, °", ylabel="lateral displacement, mm")
     axes.legend()
-    odd = float(np.sum((still.y_m - _mirrored(still.y_m)) ** 2) / np.sum(4.0 * still.y_m**2))
+    odd = float(np.sum((static.y_m - _mirrored(static.y_m)) ** 2) / np.sum(4.0 * static.y_m**2))
     return (
-        f"Reproduced: standing, the belt deflects equally to both sides (±{1e3 * still.y_m.max():.2f} mm, odd share "
+        f"Reproduced: standing, the belt deflects equally to both sides (±{1e3 * static.y_m.max():.2f} mm, odd share "
         f"{odd:.4f}); rolling, it lies on one side ({1e3 * moving.y_m.min():.2f} to {1e3 * moving.y_m.max():.2f} mm); "
         "the difference has one sign, as under a concentrated force. The paper prints its displacements without "
         "numbers, so they cannot be compared."
@@ -152,13 +152,13 @@ def _fig_13(figure: Figure) -> str:
 def _fig_14(figure: Figure) -> str:
     """Angle against pressure: Table I, laws and belt model."""
     axes = figure.subplots()
-    model, ahead, best, flat = _against("pressure", axes)
+    model, ahead, law, flat = _plot_trend("pressure", axes)
     axes.set(xlabel="pressure, bar", ylabel="ply steer angle, °")
     axes.legend()
     measured = TABLE_ANGLE_DEG[0] / TABLE_ANGLE_DEG[3]
     return (
         f"The measured angle falls by a factor {measured:.2f} from 1.8 to 2.7 bar. K a/√p reproduces this (factor "
-        f"{best:.2f}); Eq. 18 with the curvature 1/R of a flat contact does not ({flat:.2f}), nor does the slope "
+        f"{law:.2f}); Eq. 18 with the curvature 1/R of a flat contact does not ({flat:.2f}), nor does the slope "
         f"inside the contact of the belt model with one coupling length ({model:.2f}, peak). Curvature, to which the "
         "paper attributes the trend, therefore does not explain it. The same model's slope ahead of the contact has a "
         f"trend ({ahead:.2f}): there the side force turns the belt against its tension, which grows with pressure. The "
@@ -169,7 +169,7 @@ def _fig_14(figure: Figure) -> str:
 def _fig_15(figure: Figure) -> str:
     """Angle and side force against load: Table II, laws and belt model."""
     left_axes, right_axes = figure.subplots(1, 2, gridspec_kw={"wspace": 0.4})
-    model, ahead, best, flat = _against("load", left_axes)
+    model, ahead, law, flat = _plot_trend("load", left_axes)
     left_axes.set(xlabel="load, kg", ylabel="ply steer angle, °")
     left_axes.legend()
     loads = np.array([300.0, 400.0, 500.0])
@@ -181,7 +181,7 @@ def _fig_15(figure: Figure) -> str:
     measured = TABLE_ANGLE_DEG[5] / TABLE_ANGLE_DEG[4]
     exponents = [math.log(f[2] / f[0]) / math.log(loads[2] / loads[0]) for f in (TABLE_FORCE_N, forces)]
     return (
-        f"The measured angle grows by a factor {measured:.2f} from 300 to 500 kg. K a/√p gives {best:.2f}, Eq. 18 "
+        f"The measured angle grows by a factor {measured:.2f} from 300 to 500 kg. K a/√p gives {law:.2f}, Eq. 18 "
         f"{flat:.2f}, the belt model {model:.2f} (peak) and {ahead:.2f} (ahead of the contact). The force grows as "
         f"Q^{exponents[0]:.2f} in the measurement and as Q^{exponents[1]:.2f} in the model. The model's force is "
         f"{np.mean(np.array(forces) / TABLE_FORCE_N):.1f} times too large for this angle, which is not explained: do "
@@ -195,34 +195,34 @@ def _laminate(figure: Figure) -> str:
     ring = _ring()
     edges = (ring.leading_edge_rad, ring.trailing_edge_rad)
     rng = np.random.default_rng(18)
-    stated, stds, peaks, noise_stds = [], [], [], []
+    nominal, stds, peaks, noise_stds = [], [], [], []
     for angle_deg in _CORD_ANGLES_DEG:
         law = coupling_law(_belt_of(angle_deg))
         slope = law.slope(RADIUS_M)
         shape = solve_lateral_belt(ring, LateralBelt(coupling_length_m=law.length_m.value))
         clean = lateral_coefficients(shape.lateral_m)
         slopes = _slopes(clean + _noise_m() * rng.normal(size=len(clean)), edges)
-        stated.append(math.degrees(slope.value))
+        nominal.append(math.degrees(slope.value))
         stds.append(math.degrees(slope.std))
         peaks.append(math.degrees(slopes.values_rad[0]))
         noise_stds.append(math.degrees(_noise_m() * float(np.linalg.norm(slopes.rows[0]))))
-    axes.errorbar(stated, peaks, xerr=stds, yerr=noise_stds, fmt="ko", label="measured peak")
-    line = np.array([0.0, max(stated) * 1.15])
+    axes.errorbar(nominal, peaks, xerr=stds, yerr=noise_stds, fmt="ko", label="measured peak")
+    line = np.array([0.0, max(nominal) * 1.15])
     axes.plot(line, line, ":", label="equal")
     axes.plot(line, PEAK_OVER_LAMINATE * line, "-", label=f"{PEAK_OVER_LAMINATE:.2f} of it")
     low, high = PEAK_OVER_LAMINATE - PEAK_OVER_LAMINATE_STD, PEAK_OVER_LAMINATE + PEAK_OVER_LAMINATE_STD
     axes.fill_between(line, low * line, high * line, alpha=0.2)
     axes.set(xlabel="slope of the stated plies, 2 φz, °", ylabel="measured steepest slope in the contact, °")
     axes.legend()
-    ratio = np.array(peaks) / np.array(stated)
-    tolerance = 100 * np.mean(np.array(stds) / stated)
+    ratio = np.array(peaks) / np.array(nominal)
+    tolerance = 100 * np.mean(np.array(stds) / nominal)
     return (
         f"Two steel plies 1.2 mm apart at ±{_CORD_ANGLES_DEG[0]:.0f}° to ±{_CORD_ANGLES_DEG[-1]:.0f}°: Eq. 18 "
-        f"gives slopes 2 φz of {min(stated):.2f}° to {max(stated):.2f}°, ± {tolerance:.0f} % by tolerances of 1° and "
+        f"gives slopes 2 φz of {min(nominal):.2f}° to {max(nominal):.2f}°, ± {tolerance:.0f} % by tolerances of 1° and "
         f"0.05 mm. The peak measured from {_REVOLUTIONS} revolutions at {_NOISE_MG_PER_RTHZ:.0f} mg/√Hz is "
         f"{ratio.min():.2f} to {ratio.max():.2f} of it: tension and sidewall hold the belt back. The paper "
         "gives neither plies nor angles, so its 0.2° confirms the size only: φz itself is "
-        f"{0.5 * min(stated):.2f}° to {0.5 * max(stated):.2f}°."
+        f"{0.5 * min(nominal):.2f}° to {0.5 * max(nominal):.2f}°."
     )
 
 
@@ -241,27 +241,27 @@ def _tables(figure: Figure) -> str:
     axes.axis("off")
     points, angle = table_points()
     results = compare(points, angle)
-    best, flat = (next(r for r in results if r.name == name) for name in (_BEST_LAW, _EQUATION_18))
+    law, flat = (next(r for r in results if r.name == name) for name in (_BEST_LAW, _EQUATION_18))
     rows = [
         [f"{kg:.0f}", f"{bar:.1f}", f"{deg:.4f}", f"{math.degrees(a):.4f}", f"{math.degrees(b):.4f}"]
         for kg, bar, deg, a, b in zip(
-            TABLE_LOAD_KG, TABLE_PRESSURE_BAR, TABLE_ANGLE_DEG, best.fitted_rad, flat.fitted_rad, strict=True
+            TABLE_LOAD_KG, TABLE_PRESSURE_BAR, TABLE_ANGLE_DEG, law.fitted_rad, flat.fitted_rad, strict=True
         )
     ]
-    rows.append(["cross-validation", "rms", "", f"{100 * best.left_out_rms:.1f} %", f"{100 * flat.left_out_rms:.1f} %"])
+    rows.append(["cross-validation", "rms", "", f"{100 * law.left_out_rms:.1f} %", f"{100 * flat.left_out_rms:.1f} %"])
     axes.table(rows, colLabels=["load, kg", "p, bar", "measured, °", "K a/√p, °", "Eq. 18, °"], loc="center")
     return (
         f"In leave-one-out cross-validation, K a/√p (a: half contact length of the modelled ring) reproduces both "
-        f"tables within {100 * best.left_out_rms:.1f} % rms, Eq. 18 within {100 * flat.left_out_rms:.0f} %. With "
+        f"tables within {100 * law.left_out_rms:.1f} % rms, Eq. 18 within {100 * flat.left_out_rms:.0f} %. With "
         f"{len(results)} laws compared on six points, the best one is selected partly by chance."
     )
 
 
-def _against(what: str, axes: object) -> tuple[float, float, float, float]:
+def _plot_trend(quantity: str, axes: object) -> tuple[float, float, float, float]:
     """Plot Table I or II with laws and model; return how much peak, slope ahead, best law and Eq. 18 change."""
     points, angle = table_points()
-    chosen = [0, 1, 2, 3] if what == "pressure" else [4, 1, 5]
-    abscissa = [(TABLE_PRESSURE_BAR if what == "pressure" else TABLE_LOAD_KG)[i] for i in chosen]
+    chosen = [0, 1, 2, 3] if quantity == "pressure" else [4, 1, 5]
+    abscissa = [(TABLE_PRESSURE_BAR if quantity == "pressure" else TABLE_LOAD_KG)[i] for i in chosen]
     results = {result.name: result for result in compare(points, angle)}
     peaks, leans = [], []
     for i in chosen:
@@ -281,7 +281,7 @@ def _against(what: str, axes: object) -> tuple[float, float, float, float]:
         (results[_EQUATION_18].fitted_rad[chosen], "Eq. 18"),
     ):
         plot(abscissa, np.degrees(values), "x-", label=label)
-        ends = (values[0], values[-1]) if what == "pressure" else (values[-1], values[0])
+        ends = (values[0], values[-1]) if quantity == "pressure" else (values[-1], values[0])
         factors.append(float(ends[0] / ends[1]))
     return factors[0], factors[1], factors[2], factors[3]
 
@@ -327,9 +327,9 @@ def _slopes(coefficients_m: FloatArray, edges_rad: tuple[float, float]) -> Slope
 def _large_extrema(wave: FloatArray) -> list[float]:
     """Return the extrema of at least a third of the largest, one for each change of sign."""
     inner = wave[1:-1]
-    turns = (inner - wave[:-2]) * (wave[2:] - inner) <= 0.0
-    large = [float(v) for v in inner[turns] if abs(v) > np.abs(wave).max() / 3.0]
-    return [v for i, v in enumerate(large) if i == 0 or v * large[i - 1] < 0.0]
+    is_extremum = (inner - wave[:-2]) * (wave[2:] - inner) <= 0.0
+    extrema = [float(v) for v in inner[is_extremum] if abs(v) > np.abs(wave).max() / 3.0]
+    return [v for i, v in enumerate(extrema) if i == 0 or v * extrema[i - 1] < 0.0]
 
 
 def _counted(extrema: list[float]) -> str:

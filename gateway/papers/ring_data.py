@@ -90,10 +90,10 @@ def condition(wear_mm: float, pressure_pa: float, load_n: float) -> Condition:
     solved = solve_rolling_ring(paper_ring(wear_mm, pressure_pa), load_n, pressure_pa, OMEGA_RADPS, nodes=1440)
     seed = round(wear_mm * 10) * 10_000 + round(pressure_pa * 1e-4) * 100 + round(load_n * 1e-3)
     revolution, average = _averaged(solved, seed)
-    stated = TireConditions(RADIUS_M, load_n, pressure_pa)
+    conditions = TireConditions(RADIUS_M, load_n, pressure_pa)
     estimates = {}
     for name in ESTIMATORS:
-        values = {e.name: e.value for e in make_estimator(name).update(revolution, average, stated)}
+        values = {e.name: e.value for e in make_estimator(name).update(revolution, average, conditions)}
         estimates[name] = np.array([values[number] for number in RING_NUMBERS])
     return Condition(wear_mm, solved, average, estimates)
 
@@ -111,8 +111,8 @@ def new_tire() -> Condition:
 def measured_orders(average: AngleAverage) -> FloatArray:
     """Return the cosine coefficients of s / Omega^2 about the contact centre, orders 1 to 60, m."""
     centre = 0.5 * (average.trailing_edge_rad + average.leading_edge_rad)
-    turned = average.orders_mps2[1:] * np.exp(1j * np.arange(1, ORDER_COUNT) * centre)
-    result: FloatArray = turned.real / average.omega_radps**2
+    centred = average.orders_mps2[1:] * np.exp(1j * np.arange(1, ORDER_COUNT) * centre)
+    result: FloatArray = centred.real / average.omega_radps**2
     return result
 
 

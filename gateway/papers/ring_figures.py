@@ -153,8 +153,8 @@ def _fig_14(figure: Figure) -> str:
     grid = table_1()
     numbers = [_pressure_number(tire) for tire in grid]
     _draw(left_axes, grid, numbers, "Cw")
-    other = _draw_readings(right_axes, "Cw")
-    for axes, places in ((left_axes, numbers), (right_axes, [reading.pressure_number for reading in readings(_OTHER)])):
+    eq_28 = _draw_readings(right_axes, "Cw")
+    for axes, places in ((left_axes, numbers), (right_axes, [entry.pressure_number for entry in readings(_VARIANT)])):
         ends = np.array([min(places), max(places)])
         axes.plot(ends, ends, ":", color="0.5", label="slope 1 (Eq. 32)")
         axes.set(xlabel="pressure number Pn = Q / (2 p0 θr R²)", ylim=(0, None))
@@ -166,7 +166,7 @@ def _fig_14(figure: Figure) -> str:
     return (
         "Not reproduced by a tire of constant width (left): the weak form estimates b as constant (slope "
         f"{weak[0]:+.3f}), and with Eq. 28 Cw falls with Pn (slope {paper[0]:+.2f}, r {paper[1]:+.2f}); in the paper "
-        f"it rises, with a slope that should be near 1. {_other_tire(other)} Eq. 28 makes Cw proportional to Q / (p0 "
+        f"it rises, with a slope that should be near 1. {_other_tire(eq_28)} Eq. 28 makes Cw proportional to Q / (p0 "
         "θr), which is Pn: an error of load or pressure moves a point along the line through the origin (exponent 1), "
         f"and an error of the contact angle with exponent {angle_error_exponent():.1f}. A rising Fig. 14 alone is no "
         "evidence of a width that grows."
@@ -188,7 +188,7 @@ def _against_angle(figure: Figure, number: str, label: str, in_paper: str) -> st
     grid, index = table_1(), RING_NUMBERS.index(number)
     angles = [math.degrees(tire.half_angle_rad) for tire in grid]
     _draw(left_axes, grid, angles, number)
-    other = _draw_readings(right_axes, number)
+    eq_28 = _draw_readings(right_axes, number)
     for axes in (left_axes, right_axes):
         axes.set(xlabel="contact half angle, °", ylim=(0, None))
     left_axes.set_ylabel(label)
@@ -203,13 +203,13 @@ def _against_angle(figure: Figure, number: str, label: str, in_paper: str) -> st
     return (
         f"{verdict}: in the paper {number} {in_paper} with the contact angle; here the estimate of Eq. 28 {direction} "
         f"(r {paper[1]:+.2f}), while the true {number} changes with pressure only (r {truth[1]:+.2f} with the angle). "
-        f"The weak form follows the truth within {100 * np.sqrt(np.mean(error**2)):.1f} % rms. {_other_tire(other)} A "
+        f"The weak form follows the truth within {100 * np.sqrt(np.mean(error**2)):.1f} % rms. {_other_tire(eq_28)} A "
         "trend of Eq. 28 with the contact angle is no evidence of a trend in the tire."
     )
 
 
 # The tire of the right panels: all changes that lead towards the paper's trends and keep the residual small.
-_OTHER: Final = ASSUMPTIONS[-1]
+_VARIANT: Final = ASSUMPTIONS[-1]
 
 
 def _two_tires(figure: Figure) -> tuple[Axes, Axes]:
@@ -221,7 +221,7 @@ def _two_tires(figure: Figure) -> tuple[Axes, Axes]:
 
 def _draw_readings(axes: Axes, number: str) -> Trend:
     """Draw truth and estimates of the other tire; return the trend of Eq. 28."""
-    series, index = readings(_OTHER), RING_NUMBERS.index(number)
+    series, index = readings(_VARIANT), RING_NUMBERS.index(number)
     places = [reading.pressure_number if number == "Cw" else math.degrees(reading.half_angle_rad) for reading in series]
     for name, values in (
         ("truth", [reading.solution.numbers[index] for reading in series]),
@@ -234,7 +234,7 @@ def _draw_readings(axes: Axes, number: str) -> Trend:
 
 def _other_tire(paper_trend: Trend) -> str:
     """Return the sentence on the right panel."""
-    worst = max(reading.residual_share for reading in readings(_OTHER))
+    worst = max(reading.residual_share for reading in readings(_VARIANT))
     return (
         "Reproduced by Eq. 28 (right) where the tread is twice as stiff, so that the contact presses at its edges, the "
         "edges are taken at the steepest slope, and the width grows as in MF-Tyre (exponent "
@@ -279,7 +279,7 @@ def _trends(figure: Figure) -> str:
         f"width is constant, {by_name['width of MF-Tyre'][1]:+.2f} where it grows as in MF-Tyre and "
         f"{by_name['width of Eq. 31'][1]:+.2f} with Eq. 31, on the same waveforms; and a pressure film: contact length "
         f"and pressure over the outer fifth ({edge_pressure(base[4].solution):.2f} of the mean with a tread of 70 "
-        f"MN/m², {edge_pressure(readings(_OTHER)[4].solution):.2f} with 150)."
+        f"MN/m², {edge_pressure(readings(_VARIANT)[4].solution):.2f} with 150)."
     )
 
 

@@ -120,8 +120,8 @@ class RingModalEstimator:
 
 def _noise(fit: ModalFit, std: FloatArray) -> FloatArray:
     """Return the covariance of the numbers from the errors of the orders."""
-    moved = fit.response * std
-    covariance: FloatArray = (moved @ moved.conj().T).real
+    scaled = fit.response * std
+    covariance: FloatArray = (scaled @ scaled.conj().T).real
     return covariance
 
 
@@ -133,8 +133,8 @@ def _model(fit: ModalFit) -> FloatArray:
     power = np.zeros(ORDER_COUNT)
     power[FIRST_ORDER : FIRST_ORDER + len(fit.residual)] = 0.5 * np.square(np.abs(fit.residual))
     drawn = np.sqrt(band_mean(power)[FIRST_ORDER : FIRST_ORDER + len(fit.residual)])
-    moved = fit.response * drawn
-    covariance: FloatArray = (moved @ moved.conj().T).real
+    scaled = fit.response * drawn
+    covariance: FloatArray = (scaled @ scaled.conj().T).real
     covariance += np.diag(np.square(MODEL_ERRORS * fit.numbers))
     return covariance
 
@@ -205,8 +205,8 @@ def fit_modal(
     data = np.concatenate([_stacked(coefficients * weights), np.full(_NUISANCES, _RANGE)])
     # One start is enough: soft and stiff belts and sidewalls, over Table 1 and with noise, all lead to one minimum.
     cold = np.concatenate([np.ones(4), np.full(_NUISANCES, _RANGE)])
-    best = fit_nonnegative(model.values, data, cold if start is None else np.maximum(start, 1e-3), tolerance=1e-5)
-    return _result(best, model, coefficients) if math.isfinite(best.cost) else None
+    fit = fit_nonnegative(model.values, data, cold if start is None else np.maximum(start, 1e-3), tolerance=1e-5)
+    return _result(fit, model, coefficients) if math.isfinite(fit.cost) else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,27 +252,27 @@ class _LinearRing:
         return np.concatenate([_stacked(values), parameters[4:]]), jacobian
 
 
-def _result(best: BoundedFit, model: _LinearRing, coefficients: ComplexArray) -> ModalFit:
+def _result(fit: BoundedFit, model: _LinearRing, coefficients: ComplexArray) -> ModalFit:
     """Return the ring at the minimum, with its response to changes of the orders."""
-    free = best.parameters[:4] > _ON_BOUND
+    free = fit.parameters[:4] > _ON_BOUND
     m = len(coefficients)
-    normal = best.jacobian.T @ best.jacobian
+    normal = fit.jacobian.T @ fit.jacobian
     normal += 1e-14 * np.trace(normal) * np.eye(len(normal))
-    inverse = np.linalg.solve(normal, best.jacobian.T)[:4] * NUMBER_UNITS[:, np.newaxis]
-    nuisance = model.nuisance(best.parameters)
-    residual = _complex(best.residuals[:m], best.residuals[m : 2 * m]) / model.weights
+    inverse = np.linalg.solve(normal, fit.jacobian.T)[:4] * NUMBER_UNITS[:, np.newaxis]
+    nuisance = model.nuisance(fit.parameters)
+    residual = _complex(fit.residuals[:m], fit.residuals[m : 2 * m]) / model.weights
     response = _complex(inverse[:, :m], inverse[:, m : 2 * m]) * model.weights
     return ModalFit(
-        numbers=np.where(free, best.parameters[:4], 0.0) * NUMBER_UNITS,
+        numbers=np.where(free, fit.parameters[:4], 0.0) * NUMBER_UNITS,
         free=free,
         half_angle_rad=float(nuisance[0]),
         centre_rad=float(nuisance[1]),
         shape=nuisance[2:],
         response=response,
         residual=residual,
-        misfit=best.cost / (2 * m - 4),
+        misfit=fit.cost / (2 * m - 4),
         residual_share=float(np.linalg.norm(residual) / np.linalg.norm(coefficients)),
-        parameters=best.parameters,
+        parameters=fit.parameters,
     )
 
 

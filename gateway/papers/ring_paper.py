@@ -176,21 +176,21 @@ def fit_ring_numbers(
     if not (math.isfinite(power) and power > 0.0 and bool(np.isfinite(numerator).all())):
         return None
 
-    best, evaluations = _best_fit(_LinearRing(terms, numerator), coefficients_m, warm)
-    if not math.isfinite(best.cost):
+    fit, evaluations = _best_fit(_LinearRing(terms, numerator), coefficients_m, warm)
+    if not math.isfinite(fit.cost):
         return None
-    free = best.parameters > _ON_BOUND
+    free = fit.parameters > _ON_BOUND
     if not free.any():
         return None
     # Change of the numerator per rad at fixed load: of the sine, and of the force, which falls as 1 / theta_r.
-    turn = cube * orders * cosine - numerator / half_angle_rad
-    covariance, angle_derivative = _uncertainty(best, free, terms, numerator, turn, coefficients_std_m)
+    numerator_slope = cube * orders * cosine - numerator / half_angle_rad
+    covariance, angle_derivative = _uncertainty(fit, free, terms, numerator, numerator_slope, coefficients_std_m)
     return RingFit(
-        numbers=np.where(free, best.parameters, 0.0) * _UNITS,
+        numbers=np.where(free, fit.parameters, 0.0) * _UNITS,
         free=free,
         covariance=covariance * np.outer(_UNITS, _UNITS),
         angle_derivative=angle_derivative * _UNITS,
-        residual_share=math.sqrt(best.cost / power),
+        residual_share=math.sqrt(fit.cost / power),
         evaluations=evaluations,
     )
 
@@ -245,7 +245,7 @@ def _uncertainty(
     free: BoolArray,
     terms: FloatArray,
     numerator: FloatArray,
-    turn: FloatArray,
+    numerator_slope: FloatArray,
     data_std: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the covariance (k, k) and the derivative by the half angle (k,), zero where not free.
@@ -262,12 +262,12 @@ def _uncertainty(
     if np.linalg.eigvalsh(hessian)[0] <= 0.0:
         hessian = weighted.T @ (values[:, np.newaxis] ** 2 * weighted)
     jacobian = fit.jacobian[:, free]
-    right = np.column_stack([jacobian.T, weighted.T @ ((values - fit.residuals) * turn / stiffness)])
+    right = np.column_stack([jacobian.T, weighted.T @ ((values - fit.residuals) * numerator_slope / stiffness)])
     try:
-        moved = np.linalg.solve(hessian, right)
+        shifts = np.linalg.solve(hessian, right)
     except np.linalg.LinAlgError:
-        moved = np.full_like(right, math.nan)
-    by_data = moved[:, :-1]
+        shifts = np.full_like(right, math.nan)
+    by_data = shifts[:, :-1]
     degrees = max(1, len(fit.residuals) - int(np.count_nonzero(free)))
     from_residual = fit.cost / degrees * (by_data @ by_data.T)
     by_noise = by_data * np.nan_to_num(data_std)
@@ -275,5 +275,5 @@ def _uncertainty(
     # The larger variance of each number, with the correlations of the residual's covariance.
     larger = np.sqrt(np.maximum(np.diagonal(from_noise) / np.maximum(np.diagonal(from_residual), 1e-300), 1.0))
     covariance[np.ix_(free, free)] = from_residual * np.outer(larger, larger)
-    derivative[free] = moved[:, -1]
+    derivative[free] = shifts[:, -1]
     return covariance, derivative

@@ -202,9 +202,9 @@ def half_angle(solution: RingSolution, edge: Edge) -> float:
             return math.nan
         return 0.5 * (levels.shapes[1].steepest_rad - levels.shapes[0].steepest_rad)
     mean = float(radial.mean())
-    after = np.flatnonzero((radial[:-1] < mean) & (radial[1:] >= mean) & (theta[:-1] > 0.0))[0]
-    share = (mean - radial[after]) / (radial[after + 1] - radial[after])
-    return float(theta[after] + share * (theta[1] - theta[0]))
+    crossing = np.flatnonzero((radial[:-1] < mean) & (radial[1:] >= mean) & (theta[:-1] > 0.0))[0]
+    share = (mean - radial[crossing]) / (radial[crossing + 1] - radial[crossing])
+    return float(theta[crossing] + share * (theta[1] - theta[0]))
 
 
 def _reading(assumption: Assumption, pressure_pa: float, load_n: float) -> Reading:

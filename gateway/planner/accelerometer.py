@@ -33,11 +33,11 @@ class Accelerometer(Section):
 
     def missing(self) -> tuple[str, ...]:
         """Return the values without which no errors can be planned."""
-        stated = {
+        statements = {
             "rate and band": self.rate_hz is not None or self.bandwidth_hz is not None,
             "noise": self.noise_mg_rthz is not None,
         }
-        return tuple(name for name, is_stated in stated.items() if not is_stated)
+        return tuple(name for name, is_stated in statements.items() if not is_stated)
 
 
 class AccelerometerList(Section):

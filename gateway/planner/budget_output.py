@@ -65,8 +65,8 @@ class _Collector:
         """Make the budgets; return a line for each quantity that a better statement would help."""
         del states, alarms, notices
         lines = []
-        for position, of_wheel in self._latest.budgets().items():
-            for budget in of_wheel:
+        for position, wheel_budgets in self._latest.budgets().items():
+            for budget in wheel_budgets:
                 self._entries.append({"recording": self._recording, "position": position, **_entry(budget)})
                 # Those that people follow; the file has all.
                 if budget.advice and quantity_of(budget.estimate.name).watch is not None:

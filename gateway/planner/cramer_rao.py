@@ -118,17 +118,17 @@ def waveform_sensitivity(
     base = solve_rolling_ring(ring, load_n, pressure_pa, omega_radps, nodes=nodes, sensor_offset_m=sensor_offset_m)
 
     def solve(name: str, step: float) -> RingSolution:
-        other, load, offset = ring, load_n, sensor_offset_m
+        varied, load, offset = ring, load_n, sensor_offset_m
         if name == "load":
             load *= math.exp(step)
         elif name == "offset":
             offset += 0.01 * ring.radius_m * step
         elif name in _RING_FIELDS:
-            other = replace(ring, **{_RING_FIELDS[name]: getattr(ring, _RING_FIELDS[name]) * math.exp(step)})
+            varied = replace(ring, **{_RING_FIELDS[name]: getattr(ring, _RING_FIELDS[name]) * math.exp(step)})
         else:
             raise ValueError(f"'{name}' is not a parameter of the waveform")
         return solve_rolling_ring(
-            other, load, pressure_pa, omega_radps, nodes=nodes, sensor_offset_m=offset, start=base
+            varied, load, pressure_pa, omega_radps, nodes=nodes, sensor_offset_m=offset, start=base
         )
 
     square = omega_radps**2
@@ -189,8 +189,8 @@ def cramer_rao(
     Raises:
         numpy.linalg.LinAlgError: the waveform does not distinguish the parameters.
     """
-    used = min(len(variance), sensitivity.derivatives_mps2.shape[1])
-    weighted = sensitivity.derivatives_mps2[:, :used] / np.sqrt(variance[:used])
+    order_count = min(len(variance), sensitivity.derivatives_mps2.shape[1])
+    weighted = sensitivity.derivatives_mps2[:, :order_count] / np.sqrt(variance[:order_count])
     information = (weighted @ weighted.conj().T).real
     for name, std in (prior_std or {}).items():
         index = sensitivity.names.index(name)

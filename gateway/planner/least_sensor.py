@@ -106,21 +106,21 @@ def least_sensors(
         better: statements that are made with their better errors.
         on_share: called with the share of the trials that are done, 0 to 1, were every rate tried.
     """
-    done = 0
+    trials_done = 0
     peak_g = _peak_g(scenario, speeds_mps)
-    drive = partial(driven, scenario, wheels=wheels, seed=seed, revolutions=revolutions, statements=_made(better))
+    drive = partial(driven, scenario, wheels=wheels, seed=seed, revolutions=revolutions, statements=_improver(better))
 
     def tried(rate_hz: float, noise_mg_rthz: float) -> tuple[float, WorstError]:
         range_g = peak_g + _HEADROOM * 1e-3 * noise_mg_rthz * math.sqrt(0.5 * rate_hz)
         sensor = Accelerometer(name="least", range_g=range_g, rate_hz=rate_hz, noise_mg_rthz=noise_mg_rthz)
         errors: list[WorstError] = []
-        nonlocal done
+        nonlocal trials_done
         for speed_mps in speeds_mps:
-            on_share(done / (len(RATES_HZ) * _TRIALS * len(speeds_mps)))
-            done += 1
+            on_share(trials_done / (len(RATES_HZ) * _TRIALS * len(speeds_mps)))
+            trials_done += 1
             setup, drives = drive(sensor, speed_mps)
             turn_min = 2.0 * math.pi * setup.radius_m / speed_mps / 60.0
-            errors += [_printed(drives, want, speed_mps, revolutions, turn_min) for want in wants]
+            errors += [_printed_error(drives, want, speed_mps, revolutions, turn_min) for want in wants]
             if any(error.share > 1.0 for error in errors):
                 break
         worst = max(errors, key=lambda error: error.share)
@@ -128,10 +128,10 @@ def least_sensors(
 
     enough = 0
     for index, rate_hz in enumerate(RATES_HZ):
-        done = index * _TRIALS * len(speeds_mps)
-        least = largest_noise(rate_hz, tried)
-        yield least
-        enough += least.reached
+        trials_done = index * _TRIALS * len(speeds_mps)
+        candidate = largest_noise(rate_hz, tried)
+        yield candidate
+        enough += candidate.reached
         if enough > _FASTER:
             return
 
@@ -140,40 +140,40 @@ def better_statements(
     scenario: Scenario, wants: Sequence[Want], speeds_mps: Sequence[float], *, revolutions: int
 ) -> tuple[list[Source], list[str]]:
     """Return the statements to make better so that a quiet sensor reaches the errors, and what each brings."""
-    better: list[Source] = []
+    improved: list[Source] = []
     advice: list[str] = []
-    short = partial(driven, wheels=1, revolutions=revolutions)
+    short_drive = partial(driven, wheels=1, revolutions=revolutions)
     sensor = Accelerometer(
         name="quiet", range_g=2.0 * _peak_g(scenario, speeds_mps), rate_hz=_QUIET_HZ, noise_mg_rthz=NOISES_MG_RTHZ[0]
     )
     while True:
-        missed: list[Budget | None] = []
+        failing: list[Budget | None] = []
         for speed_mps in speeds_mps:
-            setup, (drive,) = short(scenario, sensor, speed_mps, statements=_made(better))
+            setup, (drive,) = short_drive(scenario, sensor, speed_mps, statements=_improver(improved))
             by_name = {budget.estimate.name: budget for budget in budgets(setup, drive[:revolutions])}
-            beyond = [want for want in wants if not _std_in(by_name, want.quantity) <= want.error]
-            missed += [by_name.get(want.quantity) for want in beyond]
-        promise = next((budget.promise for budget in missed if budget is not None and budget.promise), None)
-        if not missed or promise is None or promise.source in better or len(better) == len(SOURCES):
-            return better, advice
-        better.append(promise.source)
-        advice.append(next(budget.advice for budget in missed if budget is not None and budget.promise is promise))
+            unmet = [want for want in wants if not _std_in(by_name, want.quantity) <= want.error]
+            failing += [by_name.get(want.quantity) for want in unmet]
+        promise = next((budget.promise for budget in failing if budget is not None and budget.promise), None)
+        if not failing or promise is None or promise.source in improved or len(improved) == len(SOURCES):
+            return improved, advice
+        improved.append(promise.source)
+        advice.append(next(budget.advice for budget in failing if budget is not None and budget.promise is promise))
 
 
 def _std_in(by_name: Mapping[str, Budget], name: str) -> float:
     return by_name[name].estimate.std if name in by_name else math.inf
 
 
-def _made(better: Sequence[Source]) -> Callable[[WheelSetup], WheelSetup]:
+def _improver(sources: Sequence[Source]) -> Callable[[WheelSetup], WheelSetup]:
     """Return what makes a setup with the better errors of statements."""
-    return lambda setup: reduce(lambda made, source: source.with_error(made, source.better), better, setup)
+    return lambda setup: reduce(lambda varied, source: source.with_error(varied, source.better), sources, setup)
 
 
 def _peak_g(scenario: Scenario, speeds_mps: Sequence[float]) -> float:
     return max(tire_at(scenario, speed).peak_mps2 for speed in speeds_mps) / STANDARD_GRAVITY_MPS2
 
 
-def _printed(
+def _printed_error(
     drives: Sequence[Sequence[RevolutionResult]], want: Want, speed_mps: float, revolutions: int, turn_min: float
 ) -> WorstError:
     """Return the error of a quantity that most drives print after some revolutions."""
@@ -188,8 +188,8 @@ def _printed(
     ]
     complete = [row for row in rows if len(row) == revolutions] or [[math.inf] * revolutions]
     medians = [median(stds) for stds in zip(*complete, strict=True)]
-    beyond = sum(1 for _ in dropwhile(lambda std: std <= want.error, reversed(medians)))
-    return WorstError(want.quantity, speed_mps, medians[-1], want.error, turn_min * (beyond + 1))
+    unmet = sum(1 for _ in dropwhile(lambda std: std <= want.error, reversed(medians)))
+    return WorstError(want.quantity, speed_mps, medians[-1], want.error, turn_min * (unmet + 1))
 
 
 def largest_noise(rate_hz: float, tried: Callable[[float, float], tuple[float, WorstError]]) -> LeastSensor:
@@ -197,12 +197,12 @@ def largest_noise(rate_hz: float, tried: Callable[[float, float], tuple[float, W
     range_g, worst = tried(rate_hz, NOISES_MG_RTHZ[0])
     if worst.share > 1.0:
         return LeastSensor(rate_hz, math.nan, math.nan, worst)
-    reached, missed = 0, len(NOISES_MG_RTHZ)
-    while missed - reached > 1:
-        middle = (reached + missed) // 2
+    reached_index, missed_index = 0, len(NOISES_MG_RTHZ)
+    while missed_index - reached_index > 1:
+        middle = (reached_index + missed_index) // 2
         next_range_g, next_worst = tried(rate_hz, NOISES_MG_RTHZ[middle])
         if next_worst.share <= 1.0:
-            reached, range_g, worst = middle, next_range_g, next_worst
+            reached_index, range_g, worst = middle, next_range_g, next_worst
         else:
-            missed = middle
-    return LeastSensor(rate_hz, range_g, NOISES_MG_RTHZ[reached], worst)
+            missed_index = middle
+    return LeastSensor(rate_hz, range_g, NOISES_MG_RTHZ[reached_index], worst)

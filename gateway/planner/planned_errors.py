@@ -114,8 +114,8 @@ def fastest_mps(plan: SensorPlan) -> float:
     """Return the speed at which the peak reaches the sensor's range or what it survives: it grows with the square."""
     sensor = plan.sensor
     limit_mps2 = min(sensor.range_g, sensor.survival_g or math.inf) * STANDARD_GRAVITY_MPS2
-    moving = (limit_mps2 - STANDARD_GRAVITY_MPS2) / (plan.peak_mps2 - STANDARD_GRAVITY_MPS2)
-    return plan.speed_mps * math.sqrt(max(moving, 0.0))
+    square_ratio = (limit_mps2 - STANDARD_GRAVITY_MPS2) / (plan.peak_mps2 - STANDARD_GRAVITY_MPS2)
+    return plan.speed_mps * math.sqrt(max(square_ratio, 0.0))
 
 
 def sampling_rate_hz(sensor: Accelerometer) -> float:
@@ -278,12 +278,12 @@ def _doubts(sensor: Accelerometer, rate_hz: float, omega_radps: float) -> Iterat
 def _setup(scenario: Scenario, sensor: Accelerometer) -> WheelSetup:
     """Return what the vehicle file of the first wheel states, with band, gain and zero of the sensor's data sheet."""
     (setup,) = parse_vehicle(vehicle_toml(scenario), "the plan").wheel_setups()
-    stated = setup.sensor
+    sensor_setup = setup.sensor
     claims = replace(
-        stated,
+        sensor_setup,
         bandwidth_hz=sensor.bandwidth_hz,
-        gain_std=max(stated.gain_std, 0.01 * abs(sensor.gain_error_percent)),
-        zero_g_std_mps2=max(stated.zero_g_std_mps2, abs(sensor.zero_g_offset_g) * STANDARD_GRAVITY_MPS2),
+        gain_std=max(sensor_setup.gain_std, 0.01 * abs(sensor.gain_error_percent)),
+        zero_g_std_mps2=max(sensor_setup.zero_g_std_mps2, abs(sensor.zero_g_offset_g) * STANDARD_GRAVITY_MPS2),
     )
     return replace(setup, sensor=claims)
 
@@ -320,19 +320,19 @@ def _contested(
     drives: Sequence[Sequence[RevolutionResult]], planned: Mapping[str, float], named: set[Code]
 ) -> Iterator[Reason]:
     """Yield why most drives end with estimates that are not valid, one reason of each code, beside what is `named`."""
-    refused: Counter[Code] = Counter()
+    reason_counts: Counter[Code] = Counter()
     first: dict[Code, Reason] = {}
     for drive in drives:
-        of_drive = {
+        drive_reasons = {
             reason.code: reason
             for estimate in drive[AFTER[-1] - 1].estimates
             if estimate.name in planned and estimate.status is not Status.VALID
             if not named.intersection(codes_of(estimate.reasons))
             for reason in estimate.reasons
         }
-        refused.update(of_drive.keys())
-        first = of_drive | first
-    yield from (first[code] for code, count in refused.items() if 2 * count > len(drives))
+        reason_counts.update(drive_reasons.keys())
+        first = drive_reasons | first
+    yield from (first[code] for code, count in reason_counts.items() if 2 * count > len(drives))
 
 
 def _truths(truth: WheelTruth, wear_mm: float) -> dict[str, float]:

@@ -31,7 +31,7 @@ from gateway.planner.reasons import PlannerCode
 REVOLUTIONS: Final = 64
 """Latest revolutions that a budget is made of; averages of fifty have settled in them."""
 # What is left of an error that is taken away.
-_AWAY: Final = 1e-3
+_VANISHING: Final = 1e-3
 # What the latest revolutions alone leave open of a statement, over the error by all revolutions, from which they say
 # nothing of that error: a steady value over a stretch of braking, for example.
 _LEFT_OPEN: Final = 1.1
@@ -254,7 +254,7 @@ class LatestRevolutions:
 
     def budgets(self) -> dict[str, list[Budget]]:
         """Return the budgets of each wheel, by position."""
-        return {position: budgets(self._setups[position], [*of]) for position, of in sorted(self._latest.items())}
+        return {position: budgets(self._setups[position], [*runs]) for position, runs in sorted(self._latest.items())}
 
 
 def budgets(setup: WheelSetup, results: Sequence[RevolutionResult]) -> list[Budget]:
@@ -270,38 +270,38 @@ def budgets(setup: WheelSetup, results: Sequence[RevolutionResult]) -> list[Budg
     """
     estimators = _estimators_of(results[-1])
     base = _latest(setup, results, estimators)
-    stated = {source: error for source in SOURCES if (error := source.stated(setup))}
+    errors = {source: error for source in SOURCES if (error := source.stated(setup))}
     without = {
-        source: _latest(source.with_error(setup, _AWAY * error), results, estimators)
-        for source, error in stated.items()
+        source: _latest(source.with_error(setup, _VANISHING * error), results, estimators)
+        for source, error in errors.items()
     }
-    better: dict[str, dict[str, Estimate]] = {}
+    improved: dict[str, dict[str, Estimate]] = {}
     result = []
     for estimate in results[-1].estimates:
-        name, again = estimate.name, base.get(estimate.name)
-        if again is None or Status.INVALID in (estimate.status, again.status) or not estimate.std > 0.0:
+        name, repeated = estimate.name, base.get(estimate.name)
+        if repeated is None or Status.INVALID in (estimate.status, repeated.status) or not estimate.std > 0.0:
             continue
         # A distance is that of the whole recording, and grows with what rests on the statements.
-        scale = estimate.value / again.value if name == DISTANCE else 1.0
-        if scale**2 * (again.std**2 - again.scatter_std**2) > (_LEFT_OPEN * estimate.std) ** 2:
+        scale = estimate.value / repeated.value if name == DISTANCE else 1.0
+        if scale**2 * (repeated.std**2 - repeated.scatter_std**2) > (_LEFT_OPEN * estimate.std) ** 2:
             continue
-        scale = min(scale, estimate.std / again.std)
+        scale = min(scale, estimate.std / repeated.std)
         parts = {
             source: min(scale * part, estimate.std)
-            for source in stated
-            if (part := _part(again, without[source].get(name)))
+            for source in errors
+            if (part := _part(repeated, without[source].get(name)))
         }
         explained = math.hypot(estimate.scatter_std, *parts.values())
         largest = max(parts, key=lambda source: parts[source], default=None)
         promise = None
-        if largest is not None and parts[largest] ** 2 > _NAMED * estimate.std**2 and stated[largest] > largest.better:
-            if largest.name not in better:
-                better[largest.name] = _latest(largest.with_error(setup, largest.better), results, estimators)
-            gain = scale * _part(again, better[largest.name].get(name))
+        if largest is not None and parts[largest] ** 2 > _NAMED * estimate.std**2 and errors[largest] > largest.better:
+            if largest.name not in improved:
+                improved[largest.name] = _latest(largest.with_error(setup, largest.better), results, estimators)
+            gain = scale * _part(repeated, improved[largest.name].get(name))
             if gain > 0.0:
-                promise = Promise(largest, stated[largest], math.sqrt(max(estimate.std**2 - gain**2, 0.0)))
-        rest, by_name = math.sqrt(max(estimate.std**2 - explained**2, 0.0)), {of.name: parts[of] for of in parts}
-        result.append(Budget(estimate, by_name, estimate.scatter_std, rest, promise))
+                promise = Promise(largest, errors[largest], math.sqrt(max(estimate.std**2 - gain**2, 0.0)))
+        residual, by_name = math.sqrt(max(estimate.std**2 - explained**2, 0.0)), {key.name: parts[key] for key in parts}
+        result.append(Budget(estimate, by_name, estimate.scatter_std, residual, promise))
     return result
 
 
@@ -309,26 +309,26 @@ def _part(estimate: Estimate, without: Estimate | None) -> float:
     """Return the standard error that goes with an error; 0 where none does."""
     if without is None or without.status is Status.INVALID:
         return 0.0
-    gone = estimate.std**2 - without.std**2
-    return math.sqrt(gone) if gone > 1e-6 * estimate.std**2 else 0.0
+    variance = estimate.std**2 - without.std**2
+    return math.sqrt(variance) if variance > 1e-6 * estimate.std**2 else 0.0
 
 
 def _estimators_of(result: RevolutionResult) -> tuple[str, ...]:
     """Return the estimators of a result: a later one that gives the same quantities prefixes its name to them."""
     names = {estimate.name for estimate in result.estimates}
-    return tuple(_found(names))
+    return tuple(_estimators_in(names))
 
 
-def _found(names: set[str]) -> Iterator[str]:
-    taken: set[str] = set()
+def _estimators_in(names: set[str]) -> Iterator[str]:
+    listed: set[str] = set()
     for estimator, quantities in CATALOGUE.items():
         distinct = {
-            f"{estimator}:{quantity.name}" if quantity.name in taken else quantity.name for quantity in quantities
+            f"{estimator}:{quantity.name}" if quantity.name in listed else quantity.name for quantity in quantities
         }
         if distinct <= names:
-            taken |= {quantity.name for quantity in quantities}
+            listed |= {quantity.name for quantity in quantities}
             yield estimator
-        elif distinct & names and not any(quantity.name in taken for quantity in quantities):
+        elif distinct & names and not any(quantity.name in listed for quantity in quantities):
             # One that gives fewer where there is no axis or no statement for the others.
             yield estimator
 
@@ -343,5 +343,5 @@ def _latest(setup: WheelSetup, results: Sequence[RevolutionResult], estimators: 
     for end_us in ends_us:
         tire.environment(int(end_us) - 1, reading, 0.0)
     hosts_ns = [result.host_ns for result in results]
-    again = tire.take_block(RevolutionArrays(revolutions), ends_us, hosts_ns, [()] * len(results))
-    return {estimate.name: estimate for estimate in again[-1].estimates}
+    repeated = tire.take_block(RevolutionArrays(revolutions), ends_us, hosts_ns, [()] * len(results))
+    return {estimate.name: estimate for estimate in repeated[-1].estimates}

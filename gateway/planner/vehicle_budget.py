@@ -46,13 +46,13 @@ def vehicle_budgets(setup: WheelSetup) -> dict[str, Budget]:
     pressure_pa = setup.pressure_pa or _USUAL_PA
     load_n = setup.load_n or _USUAL_LOAD_NUMBER * pressure_pa * setup.radius_m**2
     numbers = [getattr(setup.tire.reference, name) for name in RING_NUMBERS]
-    stated = numbers if all(number is not None for number in numbers) else TABLE_3_NUMBERS
+    ring_numbers = numbers if all(number is not None for number in numbers) else TABLE_3_NUMBERS
     tire: dict[str, Any] = {
         "radius_mm": 1e3 * setup.radius_m,
         "reference_pressure_kpa": 1e-3 * (setup.tire.reference.pressure_pa or pressure_pa),
         # The contact of a tire is as stiff as its pressure.
         "tread_stiffness_mpa": 70.0 * pressure_pa / 2.1e5,
-        **dict(zip(RING_NUMBERS, map(float, stated), strict=True)),
+        **dict(zip(RING_NUMBERS, map(float, ring_numbers), strict=True)),
     }
     wheel = {"position": setup.position, "wheel": 0, "load_n": load_n, "pressure_kpa": 1e-3 * pressure_pa}
     text = toml_text({"tire": tire, "sensor": {"offset_mm": 1e3 * (setup.sensor.offset_m or 0.0)}, "wheel": [wheel]})
@@ -69,8 +69,8 @@ def vehicle_budgets(setup: WheelSetup) -> dict[str, Budget]:
             f"no tire with these numbers rolls under {load_n:.0f} N at {1e-3 * pressure_pa:.0f} kPa",
             "Check radius, load and pressure.",
         )
-    made = {budget.estimate.name: budget for budget in budgets(setup, drive[:REVOLUTIONS])}
-    return {name: made[name] for name in MAIN_QUANTITIES if name in made}
+    by_name = {budget.estimate.name: budget for budget in budgets(setup, drive[:REVOLUTIONS])}
+    return {name: by_name[name] for name in MAIN_QUANTITIES if name in by_name}
 
 
 def largest_errors(setup: WheelSetup) -> Iterator[str]:

@@ -17,14 +17,14 @@ class Admission:
 
     def __init__(self, most: int = MOST_CONNECTIONS, most_of_a_peer: int = MOST_OF_A_PEER) -> None:
         """Start without a connection."""
-        self._most, self._most_of_a_peer = most, most_of_a_peer
+        self._max_connections, self._max_per_peer = most, most_of_a_peer
         self._peers: Counter[str] = Counter()
         self._lock = threading.Lock()
 
     def admit(self, peer: str) -> bool:
         """Count a connection of a peer; return False, and count none, where it is one too many."""
         with self._lock:
-            if self._peers.total() >= self._most or self._peers[peer] >= self._most_of_a_peer:
+            if self._peers.total() >= self._max_connections or self._peers[peer] >= self._max_per_peer:
                 return False
             self._peers[peer] += 1
             return True

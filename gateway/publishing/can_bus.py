@@ -151,7 +151,7 @@ class CanSink(Sink):
         for layout in LAYOUTS.values():
             if layout is not ALARMS:
                 values |= _values(estimates, layout.estimates)
-                yield self._encoder.wheel(position, layout, values | _known(physical_values))
+                yield self._encoder.wheel(position, layout, values | _known_signals(physical_values))
 
     def _state(self, snapshot: SessionSnapshot) -> Iterator[Frame | None]:
         self._wheels = frozenset(wheel.position for wheel in snapshot.wheels)
@@ -181,7 +181,7 @@ class CanSink(Sink):
         values = {"Load": wheel.load_n if wheel.silence is None else None}
         if wheel.has_current_environment:
             values |= {"Pressure": wheel.pressure_pa, "Temperature": wheel.temperature_degc}
-        yield self._encoder.wheel(wheel.position, CONDITIONS, _known(values))
+        yield self._encoder.wheel(wheel.position, CONDITIONS, _known_signals(values))
 
     def _alarm_bits(self, position: str) -> Frame | None:
         names = self._alarms.get(position, frozenset())
@@ -204,7 +204,7 @@ def _values(estimates: Mapping[str, Estimate], names: Mapping[str, str]) -> dict
     return values
 
 
-def _known(numbers: Mapping[str, float | None]) -> dict[str, float]:
+def _known_signals(numbers: Mapping[str, float | None]) -> dict[str, float]:
     """Return signals of known numbers, with their status."""
     values: dict[str, float] = {}
     for signal, value in numbers.items():

@@ -94,8 +94,8 @@ def _number(name: str, bits: int, scale: float, unit: str, comment: str, *, sign
     return FrameSignal(name, bits, scale, unit, comment, signed, is_number=True)
 
 
-def _status(of: str) -> FrameSignal:
-    return FrameSignal(f"{of}Status", 2, comment=f"validity of {of}", choices=_STATUS_CHOICES)
+def _status(signal: str) -> FrameSignal:
+    return FrameSignal(f"{signal}Status", 2, comment=f"validity of {signal}", choices=_STATUS_CHOICES)
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +121,7 @@ _EACH_REVOLUTION: Final = "after each revolution"
 _ALSO_AT_REST: Final = f"{_EACH_REVOLUTION}; once a second while the wheel does not roll"
 
 
-def _of_estimates(frame: BusFrame, quantities: Iterable[tuple[Quantity, OnBus]]) -> FrameLayout:
+def _estimate_layout(frame: BusFrame, quantities: Iterable[tuple[Quantity, OnBus]]) -> FrameLayout:
     """Return the frame of quantities: numbers with errors, then statuses; that of the motion has more between them."""
     numbers: list[FrameSignal] = []
     estimates: dict[str, str] = {}
@@ -130,12 +130,12 @@ def _of_estimates(frame: BusFrame, quantities: Iterable[tuple[Quantity, OnBus]])
         numbers.append(_number(bus.signal, 16, bus.resolution, unit, quantity.description, signed=bus.is_signed))
         if bus.std_resolution:
             numbers.append(_number(f"{bus.signal}Error", 8, bus.std_resolution, unit, "one standard error"))
-    others = _OF_MOTION if frame == MOTION_FRAME else ()
+    others = _MOTION_SIGNALS if frame == MOTION_FRAME else ()
     comment = _ALSO_AT_REST if others else _EACH_REVOLUTION
     return FrameLayout(*frame, comment, (*numbers, *others, *map(_status, estimates)), estimates)
 
 
-_OF_MOTION: Final = (
+_MOTION_SIGNALS: Final = (
     FrameSignal("Revolution", 16, comment="running number of the revolution, modulo 65536"),
     FrameSignal("State", 3, comment="motion of the wheel", choices=_STATE_CHOICES),
 )
@@ -171,7 +171,7 @@ ALARMS: Final = FrameLayout(
 LAYOUTS: Final = {
     layout.name: layout
     for layout in sorted(
-        (CONDITIONS, ALARMS, *(_of_estimates(frame, quantities) for frame, quantities in on_bus().items())),
+        (CONDITIONS, ALARMS, *(_estimate_layout(frame, quantities) for frame, quantities in on_bus().items())),
         key=lambda layout: layout.offset,
     )
 }

@@ -155,9 +155,9 @@ class FoxgloveSink(Sink):
     def _write_notices(self, item: PublishedState) -> None:
         """Log the notices that are new since the last state."""
         notices = item.snapshot.notices
-        new = notices[notices.index(self._logged) + 1 :] if self._logged in notices else notices
+        new_notices = notices[notices.index(self._logged) + 1 :] if self._logged in notices else notices
         at_s, rest_ns = divmod(item.host_ns, 1_000_000_000)
-        for notice in new:
+        for notice in new_notices:
             if self._log is not None:
                 self._log.log(
                     Log(
@@ -181,9 +181,9 @@ def channel_schema(topic: str, kind: str) -> dict[str, Any]:
     """
     if not kind:
         return deepcopy(dict(schema_of(topic).schema))
-    whole = line_schema()
-    schema: dict[str, Any] = _plain(whole["$defs"][kind], whole["$defs"])
-    return {**schema, "$schema": whole["$schema"], "title": f"treadlink.{kind.capitalize()}"}
+    document = line_schema()
+    schema: dict[str, Any] = _plain(document["$defs"][kind], document["$defs"])
+    return {**schema, "$schema": document["$schema"], "title": f"treadlink.{kind.capitalize()}"}
 
 
 def _plain(schema: Any, definitions: dict[str, Any]) -> Any:
@@ -196,5 +196,5 @@ def _plain(schema: Any, definitions: dict[str, Any]) -> Any:
         return _plain(definitions[schema["$ref"].rpartition("/")[2]], definitions)
     if "const" in schema or "enum" in schema:
         return {"type": "string"}
-    left_out = {"patternProperties", "additionalProperties", "minItems", "minimum"}
-    return {key: _plain(value, definitions) for key, value in schema.items() if key not in left_out}
+    omitted_keys = {"patternProperties", "additionalProperties", "minItems", "minimum"}
+    return {key: _plain(value, definitions) for key, value in schema.items() if key not in omitted_keys}

@@ -60,8 +60,8 @@ def open_influx(address: SinkAddress, setting: SinkSetting) -> InfluxFile | Infl
     if not bucket:
         raise SinkError(f"'{address.name}' names no bucket", f"Write {address.scheme}://HOST:PORT/BUCKET?org=ORG.")
     scheme = "https" if address.scheme == "influxs" else "http"
-    shown = f"[{host}]" if ":" in host else host
-    return InfluxServer(f"{scheme}://{shown}:{port}", bucket, address.options.get("org", ""), os.environ)
+    url_host = f"[{host}]" if ":" in host else host
+    return InfluxServer(f"{scheme}://{url_host}:{port}", bucket, address.options.get("org", ""), os.environ)
 
 
 def _opened_file(address: SinkAddress) -> InfluxFile:
@@ -109,7 +109,7 @@ class InfluxFile(Sink):
     def __init__(self, path: Path) -> None:
         """Prepare the output."""
         self._path = path
-        self._rest = b""
+        self._unwritten = b""
         self._item: Item | None = None
 
     def open(self, stop: threading.Event) -> None:
@@ -121,8 +121,8 @@ class InfluxFile(Sink):
     def send(self, item: Item, stop: threading.Event) -> None:
         """Write the lines of an item; after a full disk, from the byte at which it was full."""
         if item is not self._item:
-            self._rest, self._item = self._rest + "".join(f"{line}\n" for line in lines(item)).encode(), item
-        self._append(self._rest)
+            self._unwritten, self._item = self._unwritten + "".join(f"{line}\n" for line in lines(item)).encode(), item
+        self._append(self._unwritten)
         self._item = None
 
     def _append(self, data: bytes) -> None:
@@ -130,7 +130,7 @@ class InfluxFile(Sink):
             with self._path.open("ab", buffering=0) as file:
                 while data:
                     written = file.write(data) or 0
-                    data = self._rest = data[written:]
+                    data = self._unwritten = data[written:]
         except OSError as error:
             raise SinkDownError(error.strerror or str(error)) from error
 

@@ -59,8 +59,8 @@ class JsonLines(Sink):
         self._path = path
         self._states = states
         self._file = -1
-        self._waits = False
-        self._rest = b""
+        self._is_pollable = False
+        self._unwritten = b""
         self._item: Item | None = None
 
     def open(self, stop: threading.Event) -> None:
@@ -73,9 +73,9 @@ class JsonLines(Sink):
                 self._file = os.open(self._path, flags, 0o666)
             mode = os.fstat(self._file).st_mode
             # Files and, on Windows, pipes cannot be waited for.
-            self._waits = not stat.S_ISREG(mode) and os.name == "posix"
+            self._is_pollable = not stat.S_ISREG(mode) and os.name == "posix"
             if self._item is None:
-                self._rest = missing_newline(self._path) if self._path is not None and stat.S_ISREG(mode) else b""
+                self._unwritten = missing_newline(self._path) if self._path is not None and stat.S_ISREG(mode) else b""
         except OSError as error:
             no_reader = error.errno == errno.ENXIO
             raise SinkDownError("the pipe has no reader" if no_reader else error.strerror or str(error)) from error
@@ -87,17 +87,17 @@ class JsonLines(Sink):
         if item is not self._item:
             lines = b"".join(encoded(message) + b"\n" for message in messages(item))
             # The rest of a line that an earlier receiver has begun to read is completed first.
-            self._rest, self._item = self._rest + lines, item
-        while self._rest:
+            self._unwritten, self._item = self._unwritten + lines, item
+        while self._unwritten:
             self._write(stop)
         self._item = None
 
     def poll(self) -> None:
         """Notice that the reader of a pipe has left."""
-        if not self._waits:
+        if not self._is_pollable:
             return
         if any(event & select.POLLERR for _, event in self._polled(0, 0.0)):
-            self._raise_left()
+            self._raise_disconnected()
 
     def close(self) -> None:
         """Close the file."""
@@ -109,28 +109,28 @@ class JsonLines(Sink):
         if stop.is_set():
             raise SinkDownError("the session has ended")
         try:
-            if self._waits and not self._polled(select.POLLOUT, _WAIT_S):
+            if self._is_pollable and not self._polled(select.POLLOUT, _WAIT_S):
                 return
-            written = os.write(self._file, self._rest[:_PIECE] if self._waits else self._rest)
+            written = os.write(self._file, self._unwritten[:_PIECE] if self._is_pollable else self._unwritten)
         except BlockingIOError:
             return
         except BrokenPipeError:
-            self._raise_left()
+            self._raise_disconnected()
         except OSError as error:
             raise SinkDownError(error.strerror or str(error)) from error
         else:
-            self._rest = self._rest[written:]
+            self._unwritten = self._unwritten[written:]
 
     def _polled(self, events: int, timeout_s: float) -> list[tuple[int, int]]:
         poll = select.poll()
         poll.register(self._file, events)
         return poll.poll(timeout_s * 1e3)
 
-    def _raise_left(self) -> None:
+    def _raise_disconnected(self) -> None:
         if self._path is None:
             raise SinkEndedError
         # A new reader begins with a whole line.
-        self._rest, self._item = b"", None
+        self._unwritten, self._item = b"", None
         raise SinkDownError("the reader has left")
 
 

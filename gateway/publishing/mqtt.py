@@ -61,11 +61,11 @@ _KEEPALIVE_S: Final = 10
 CONFIRM_S: Final = 15.0
 """Time within which a broker confirms a message; then the connection is made anew and the message sent again."""
 # What a broker sends: confirmations, and retained states and announcements of earlier sessions.
-_MOST_PACKET_BYTES: Final = 64 << 10
+_MAX_PACKET_BYTES: Final = 64 << 10
 # Wheels without a configuration and links have been heard by then.
 _SETTLED_S: Final = 30.0
 # Retained messages of earlier sessions that are removed at a time.
-_MOST_EARLIER: Final = 10_000
+_MAX_RETAINED: Final = 10_000
 _ONLINE: Final = b"online"
 _OFFLINE: Final = b"offline"
 
@@ -124,7 +124,7 @@ class _Client(paho.Client):
 
     def _sock_recv(self, bufsize: int) -> bytes:
         # The library asks for the whole rest of a packet, by the length that the broker states.
-        if bufsize > _MOST_PACKET_BYTES:
+        if bufsize > _MAX_PACKET_BYTES:
             raise OSError("packet too large")
         data: bytes = super()._sock_recv(bufsize)  # type: ignore[no-untyped-call,unused-ignore]
         return data
@@ -189,7 +189,7 @@ class MqttSink:
         self._states: dict[str, JsonObject] = {}
         self._wheels = frozenset(self._topic_of("wheel", position) for position in setting.positions)
         # Retained messages of earlier sessions: the topic of the state that each belongs to.
-        self._earlier: dict[str, str] = {}
+        self._retained: dict[str, str] = {}
         # Messages that the broker has not confirmed yet, by their number, in the order in which they were sent.
         self._window: dict[int, _Unconfirmed] = {}
         # Counted messages that the broker took from the client and refused, and why.
@@ -210,7 +210,7 @@ class MqttSink:
             self._client.username_pw_set(environment[USERNAME], environment.get(PASSWORD))
         self._client.on_connect = self._connected
         self._client.on_disconnect = self._disconnected
-        self._client.on_message = self._heard
+        self._client.on_message = self._received
         self._client.on_publish = self._confirmed
 
     def open(self, stop: threading.Event) -> None:
@@ -222,7 +222,7 @@ class MqttSink:
                 self._client.reconnect()
             else:
                 limits = Properties(PacketTypes.CONNECT)  # type: ignore[no-untyped-call]
-                limits.MaximumPacketSize = _MOST_PACKET_BYTES
+                limits.MaximumPacketSize = _MAX_PACKET_BYTES
                 self._client.connect(self._host, self._port, self._keepalive_s, properties=limits)
                 self._has_connected = True
         except ssl.SSLCertVerificationError as error:
@@ -314,14 +314,14 @@ class MqttSink:
         """
         snapshot = item.snapshot
         is_settled = snapshot.elapsed_s >= _SETTLED_S or (snapshot.ended and bool(snapshot.wheels))
-        for topic, state_topic in tuple(self._earlier.items()):
+        for topic, state_topic in tuple(self._retained.items()):
             if state_topic in self._states or state_topic in self._wheels:
-                del self._earlier[topic]
+                del self._retained[topic]
                 continue
             is_other_wheel = bool(self._wheels) and state_topic.startswith(f"{self._prefix}/wheel/")
             if topic == state_topic or is_other_wheel or is_settled:
                 self._publish(topic, b"", stop, retain=True)
-                self._earlier.pop(topic, None)
+                self._retained.pop(topic, None)
 
     def _announce(self, payload: JsonObject, stop: threading.Event) -> None:
         """Announce a wheel or link to Home Assistant, once per connection."""
@@ -397,14 +397,14 @@ class MqttSink:
             self._refused += 1
             self._refused_for = str(reason).lower()
 
-    def _heard(self, client: paho.Client, data: Any, message: paho.MQTTMessage) -> None:
+    def _received(self, client: paho.Client, data: Any, message: paho.MQTTMessage) -> None:
         if message.topic == f"{self._prefix}/status":
             self._is_called_offline = message.payload == _OFFLINE and not self._has_ended
-        elif message.retain and message.payload and len(self._earlier) < _MOST_EARLIER:
+        elif message.retain and message.payload and len(self._retained) < _MAX_RETAINED:
             is_state = message.topic.startswith(f"{self._prefix}/")
             topic = message.topic if is_state else announced_topic(bytes(message.payload), f"{self._prefix}/status")
             if topic is not None:
-                self._earlier[message.topic] = topic
+                self._retained[message.topic] = topic
 
 
 def _cause(error: Exception) -> str:

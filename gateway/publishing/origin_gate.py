@@ -97,7 +97,7 @@ class OriginGate:
                 viewer.close()
 
     def _serve(self, viewer: socket.socket, peer: str) -> None:
-        ends = [viewer]
+        sockets = [viewer]
         try:
             with self._lock:
                 self._open.add(viewer)
@@ -106,24 +106,24 @@ class OriginGate:
                 viewer.sendall(_REFUSAL)
                 return
             server = socket.create_connection(self._server, HEAD_S)
-            ends.append(server)
+            sockets.append(server)
             with self._lock:
                 self._open.add(server)
-            for end in ends:
-                end.settimeout(None)
-                end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _SEND_LIMIT)
+            for endpoint in sockets:
+                endpoint.settimeout(None)
+                endpoint.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _SEND_LIMIT)
             server.sendall(head)
-            back = threading.Thread(target=_pass_on, args=(server, viewer), name="viewer", daemon=True)
-            back.start()
+            return_thread = threading.Thread(target=_pass_on, args=(server, viewer), name="viewer", daemon=True)
+            return_thread.start()
             _pass_on(viewer, server)
-            back.join()
+            return_thread.join()
         except OSError:
             pass  # the viewer is gone or says nothing
         finally:
             with self._lock:
-                self._open.difference_update(ends)
-            for end in ends:
-                end.close()
+                self._open.difference_update(sockets)
+            for endpoint in sockets:
+                endpoint.close()
             self._admission.release(peer)
 
 

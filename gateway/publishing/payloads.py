@@ -107,13 +107,13 @@ def wheel(item: PublishedState, snapshot: WheelSnapshot) -> JsonObject:
 
 def link(item: PublishedState, snapshot: LinkSnapshot) -> JsonObject:
     """Return the health of a link: one that is silent or down has none of the numbers that its hub sends."""
-    heard = {
+    readings = {
         "latency_s": snapshot.latency_s,
         "battery_percent": snapshot.battery_percent,
         "rssi_dbm": snapshot.rssi_dbm,
         "supply_w": snapshot.supply_w,
     }
-    numbers = {**(heard if snapshot.connected and snapshot.silent_s is None else {}), "silent_s": snapshot.silent_s}
+    numbers = {**(readings if snapshot.connected and snapshot.silent_s is None else {}), "silent_s": snapshot.silent_s}
     return {
         "type": "link",
         "time_s": _seconds(item.host_ns),
@@ -149,10 +149,10 @@ def session(item: PublishedState) -> JsonObject:
 
 def at_end(payload: JsonObject) -> JsonObject:
     """Return a state as it is to be kept after the session: nothing in it is of the present."""
-    lasting = {name: value for name, value in payload.items() if name not in _PRESENT.union(in_state())}
+    permanent = {name: value for name, value in payload.items() if name not in _PRESENT.union(in_state())}
     # A link that was open to the end has not sent that it ended.
     note = {"note": text(Reason(LinkCode.LINK_ENDED))} if payload.get("connected") else {}
-    return {**lasting, **note, **_AT_END[payload["type"]]}
+    return {**permanent, **note, **_AT_END[payload["type"]]}
 
 
 def _seconds(host_ns: int) -> float:

@@ -92,17 +92,17 @@ class Publisher:
         for worker in self._workers:
             worker.finish()
         end_ns = self._clock.now_ns() + int(FINISH_S * 1e9)
-        seen = {worker: (worker.progress(), self._clock.now_ns()) for worker in self._workers}
+        last_progress = {worker: (worker.progress(), self._clock.now_ns()) for worker in self._workers}
         waiting = list(self._workers)
         while waiting:
             now_ns = self._clock.now_ns()
             for worker in tuple(waiting):
                 progress = worker.progress()
-                if progress != seen[worker][0]:
-                    seen[worker] = progress, now_ns
+                if progress != last_progress[worker][0]:
+                    last_progress[worker] = progress, now_ns
                 if worker.join(0.02):
                     waiting.remove(worker)
-                elif now_ns >= end_ns or now_ns - seen[worker][1] >= FINISH_STUCK_S * 1e9:
+                elif now_ns >= end_ns or now_ns - last_progress[worker][1] >= FINISH_STUCK_S * 1e9:
                     worker.abandon()
                     worker.join(0.5)
                     waiting.remove(worker)
@@ -135,9 +135,9 @@ def open_publisher(uris: Sequence[str], setting: SinkSetting, clock: Clock) -> P
     """
     opened = [open_sink(uri, setting) for uri in uris]
     names = [name for name, _ in opened]
-    twice = next((name for name in names if names.count(name) > 1), None)
-    if twice is not None:
-        raise SinkError(f"--publish {twice} is given twice", "Give each live output once.")
+    duplicate = next((name for name in names if names.count(name) > 1), None)
+    if duplicate is not None:
+        raise SinkError(f"--publish {duplicate} is given twice", "Give each live output once.")
     if not opened:
         return None
     workers = [
@@ -148,5 +148,5 @@ def open_publisher(uris: Sequence[str], setting: SinkSetting, clock: Clock) -> P
 
 
 def _without_waveforms(result: RevolutionResult) -> RevolutionResult:
-    light = replace(result.revolution, radial_mps2=_NO_REALS, axes_mps2=_NO_AXES, orders_mps2=_NO_ORDERS)
-    return replace(result, revolution=light)
+    stripped = replace(result.revolution, radial_mps2=_NO_REALS, axes_mps2=_NO_AXES, orders_mps2=_NO_ORDERS)
+    return replace(result, revolution=stripped)

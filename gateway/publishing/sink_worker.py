@@ -87,7 +87,7 @@ class SinkWorker:
         self._seen_dropped = self._seen_full = 0
         self._dropped_at_ns: int | None = None
         self._drop_note = Reason(PublishingCode.SINK_FULL)
-        self._held: Item | None = None
+        self._pending_item: Item | None = None
         self._failures = 0
         self._brief = BriefConnections(BACKOFF)
         self._thread = threading.Thread(target=self._run, name=f"publish {name}", daemon=True)
@@ -124,7 +124,7 @@ class SinkWorker:
         now_ns = self._clock.now_ns()
         with self._lock:
             phase, note, since_ns, sending_ns = self._phase, self._note, self._since_ns, self._sending_since_ns
-            published, lost, held, refusal = self._published, self._lost, self._held, self._refusal
+            published, lost, pending, refusal = self._published, self._lost, self._pending_item, self._refusal
         full = self._buffer.dropped
         dropped = lost + full
         if phase is SinkState.UP and sending_ns is not None and now_ns - sending_ns >= _STALL_NS:
@@ -141,7 +141,7 @@ class SinkWorker:
         if is_dropping and phase is SinkState.UP:
             note = self._drop_note
         away_s = 0.0 if phase is SinkState.UP else (now_ns - since_ns) * 1e-9
-        waiting = len(self._buffer) + _counts(held)
+        waiting = len(self._buffer) + _counts(pending)
         return SinkSnapshot(self.name, phase, note, published, dropped, waiting, away_s, is_dropping)
 
     @property
@@ -180,8 +180,8 @@ class SinkWorker:
             with self._lock:
                 self._lost += 1
         with self._lock:
-            self._lost += _counts(self._held)
-            self._held = None
+            self._lost += _counts(self._pending_item)
+            self._pending_item = None
 
     # The thread
 
@@ -195,7 +195,7 @@ class SinkWorker:
                 except SinkDownError as error:
                     if self._phase is SinkState.UP:
                         self._failures = self._brief.lost(self._clock.now_ns())
-                    self._away(Reason(PublishingCode.SINK_LOST, error=str(error), interval_s=BACKOFF.cap_ns * 1e-9))
+                    self._back_off(Reason(PublishingCode.SINK_LOST, error=str(error), interval_s=BACKOFF.cap_ns * 1e-9))
                 except SinkEndedError:
                     self._enter(SinkState.ENDED, Reason(PublishingCode.SINK_ENDED))
                     _logger.info("%s: the reader has closed its end", self.name)
@@ -204,9 +204,9 @@ class SinkWorker:
                     # A fault of an output must end neither the session nor the output; the item may be its cause.
                     _logger.debug("%s failed", self.name, exc_info=error)
                     with self._lock:
-                        self._lost += _counts(self._held)
-                        self._held = None
-                    self._away(Reason(PublishingCode.SINK_FAULT, error=repr(error)))
+                        self._lost += _counts(self._pending_item)
+                        self._pending_item = None
+                    self._back_off(Reason(PublishingCode.SINK_FAULT, error=repr(error)))
         finally:
             self._settle()
 
@@ -241,9 +241,9 @@ class SinkWorker:
 
     def _serve_once(self) -> bool:
         """Send the next item, or do what there is to do without one; return whether the session has ended."""
-        if self._held is None:
-            self._held = self._next()
-        item = self._held
+        if self._pending_item is None:
+            self._pending_item = self._next()
+        item = self._pending_item
         if item is not None:
             self._send(item)
         elif self._ending.is_set() and self._state is None:
@@ -286,15 +286,15 @@ class SinkWorker:
                 self._sending_since_ns = None
         with self._lock:
             self._published += _counts(item)
-            self._held = None
+            self._pending_item = None
 
-    def _away(self, note: Reason) -> None:
+    def _back_off(self, note: Reason) -> None:
         """Close the output and wait before the next attempt."""
         _logger.info("%s: %s", self.name, text(note))
         with suppress(Exception):
             self._sink.close()
-        if isinstance(self._held, PublishedState):
-            self._held = None
+        if isinstance(self._pending_item, PublishedState):
+            self._pending_item = None
         self._failures += 1
         self._enter(SinkState.DOWN, note)
         pause_ns = BACKOFF.pause_ns(1 if self._ending.is_set() else self._failures)

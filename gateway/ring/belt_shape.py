@@ -88,8 +88,8 @@ def orders_about(
     """
     n = waveform.shape[-1]
     spectrum = np.fft.rfft(waveform, axis=-1)[..., : MAX_ORDER + 1]
-    turn = np.multiply.outer(np.asarray(centre_rad) - math.pi, _ORDERS)
-    orders: ComplexArray = spectrum * np.exp(1j * turn) * (2.0 / n)
+    phase = np.multiply.outer(np.asarray(centre_rad) - math.pi, _ORDERS)
+    orders: ComplexArray = spectrum * np.exp(1j * phase) * (2.0 / n)
     orders[..., 0] *= 0.5
     orders[..., max_order + 1 :] = 0.0
     return orders

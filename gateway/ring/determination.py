@@ -138,10 +138,10 @@ class Determination:
         if self.model_share.any():
             reasons.append(Reason(CoreCode.MODEL_ERROR_SHARE, share=float(self.model_share[index])))
         others = np.abs(self.correlation[index]) - np.eye(4)[index]
-        other = int(np.argmax(others))
-        if others[other] > _CONFOUNDED:
-            correlation = float(self.correlation[index, other])
-            reasons.append(Reason(CoreCode.CORRELATED, correlation=correlation, number=RING_NUMBERS[other]))
+        partner = int(np.argmax(others))
+        if others[partner] > _CONFOUNDED:
+            correlation = float(self.correlation[index, partner])
+            reasons.append(Reason(CoreCode.CORRELATED, correlation=correlation, number=RING_NUMBERS[partner]))
         return tuple(reasons)
 
 
@@ -227,21 +227,21 @@ def series_estimates(
     scales = [scale if width is None else width.scale for width, scale in zip(widths, scales, strict=True)]
     scale = np.array(scales)[:, np.newaxis]
     determined = _determined(values, free, variance, std)
-    cw, of_ratios = values[:, _CW, np.newaxis], None
+    cw, ratio_noise = values[:, _CW, np.newaxis], None
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = values[:, _OVER_CW] / cw
         ratio_errors = _ratio_errors(ratios, cw, covariance)
         if noise_scatters:
-            of_ratios = _ratio_errors(ratios, cw, fitted.noise)
+            ratio_noise = _ratio_errors(ratios, cw, fitted.noise)
     # Weak bending must be determined better than the ratio's own error tells.
     ratio_fits: BoolArray = (ratio_errors * DETERMINED <= ratios) & (free[:, _CW, np.newaxis] & (cw > 0.0))
     ratio_fits[:, 0] &= determined[:, 0]
     all_values = np.concatenate([values, ratios], axis=1)
     errors = np.concatenate([np.hypot(std, values * scale), ratio_errors], axis=1)
     scatters: FloatArray = np.zeros(errors.shape)
-    if of_ratios is not None:
+    if ratio_noise is not None:
         noise = fitted.noise.diagonal(axis1=1, axis2=2)
-        scatters = np.concatenate([np.sqrt(np.maximum(noise, 0.0)), of_ratios], axis=1)
+        scatters = np.concatenate([np.sqrt(np.maximum(noise, 0.0)), ratio_noise], axis=1)
         scatters[~np.isfinite(scatters)] = 0.0
     sound = np.concatenate([determined, ratio_fits], axis=1) & (all_values > 0.0) & np.isfinite(errors)
     rows = list(zip(all_values.tolist(), errors.tolist(), scatters.tolist(), sound.tolist(), strict=True))
@@ -370,8 +370,8 @@ def _width(estimator: str, cw: float, std: float, conditions: TireConditions, sc
     added = disagreement_std(difference, error)
     if not added:
         return None
-    told = Reason(EstimateCode.WIDTH_DISAGREES, ratio=ratio, std=ratio * error, error=added)
-    return _Width(math.hypot(scale, added), told if added > _NEGLIGIBLE * error else None)
+    reason = Reason(EstimateCode.WIDTH_DISAGREES, ratio=ratio, std=ratio * error, error=added)
+    return _Width(math.hypot(scale, added), reason if added > _NEGLIGIBLE * error else None)
 
 
 def load_number(conditions: TireConditions) -> float:

@@ -56,7 +56,7 @@ class ForwardEstimator:
         reason = unusable(average, conditions)
         if reason:
             return _invalid(reason)
-        if self._due():
+        if self._is_due():
             self._refit(revolution, average, conditions)
         fit = self._fit
         if fit is None:
@@ -76,19 +76,19 @@ class ForwardEstimator:
         ]
         return (*numbers, *_shape(fit, doubts))
 
-    def _due(self) -> bool:
+    def _is_due(self) -> bool:
         self._updates += 1
         count = self._updates
         return self._fit is None or count % REFIT_EVERY == 0 or (count < REFIT_EVERY and not count & (count - 1))
 
     def _refit(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> None:
-        carried = int(np.flatnonzero(np.isfinite(average.orders_mps2))[-1])
+        max_order = int(np.flatnonzero(np.isfinite(average.orders_mps2))[-1])
         steady = conditions.radius_m * average.omega_radps**2
-        orders = average.orders_mps2[: carried + 1] / steady
-        order_std = np.nan_to_num(average.orders_std_mps2[: carried + 1] / steady, nan=_UNKNOWN_STD)
+        orders = average.orders_mps2[: max_order + 1] / steady
+        order_std = np.nan_to_num(average.orders_std_mps2[: max_order + 1] / steady, nan=_UNKNOWN_STD)
         half_angle = 0.5 * (average.trailing_edge_rad - average.leading_edge_rad)
         model = ForwardModel(
-            carried,
+            max_order,
             shear=True,
             offset=conditions.sensor_offset_m / conditions.radius_m,
             offset_std=conditions.sensor_offset_std_m / conditions.radius_m,
@@ -121,8 +121,8 @@ def _with_shear_doubt(estimate: Estimate, fit: ForwardFit) -> Estimate:
         reason.code is CoreCode.NOT_DETERMINED for reason in estimate.reasons
     ):
         return estimate
-    alike = Reason(RingCode.BENDING_LIKE_SHEAR, correlation=float(correlation))
-    return estimate._replace(reasons=(*estimate.reasons, alike))
+    shear_doubt = Reason(RingCode.BENDING_LIKE_SHEAR, correlation=float(correlation))
+    return estimate._replace(reasons=(*estimate.reasons, shear_doubt))
 
 
 def _shape(fit: ForwardFit, doubts: tuple[Reason, ...]) -> list[Estimate]:

@@ -25,7 +25,7 @@ MAX_ORDER: Final = 110
 # Order 1 of the signal belongs to gravity and the hub.
 _UNUSED_ORDER: Final = 1
 # Least standard error of an order, as a share of the mean: resampling, rounding and the remaining error of the grid.
-_LEAST_STD: Final = 1e-5
+_MIN_STD: Final = 1e-5
 # Model error assumed at first, as a share of the mean.
 _FIRST_ERROR: Final = 0.02
 # Degrees of freedom that the model error over all bands counts for in that of one band.
@@ -36,7 +36,7 @@ _WAVES_FROM: Final = 3
 # Amplitude over its standard error from which the order and decay of a packet are fitted.
 _DISTINCT: Final = 3.0
 # Least curvature of a drum times the belt radius: drums have at most ten times the tire's radius.
-_LEAST_CURVATURE: Final = 0.1
+_MIN_CURVATURE: Final = 0.1
 # Standard errors within which a curvature is taken for that of a flat road.
 _FLAT: Final = 2.0
 # Model error of the mean, which only the gain follows.
@@ -99,8 +99,8 @@ class ForwardFit:
     @property
     def residual_share(self) -> float:
         """Rms of the residual from order 2 on, as a share of the signal's."""
-        unexplained, all_of_it = (float(np.sum(np.abs(orders[2:]) ** 2)) for orders in (self.residual, self.data))
-        return math.sqrt(unexplained / all_of_it)
+        unexplained, total = (float(np.sum(np.abs(orders[2:]) ** 2)) for orders in (self.residual, self.data))
+        return math.sqrt(unexplained / total)
 
     @property
     def data(self) -> ComplexArray:
@@ -154,7 +154,7 @@ def _fit(
     use_mean: bool,
 ) -> ForwardFit | None:
     """Fit on the model's grid."""
-    variance = np.square(np.maximum(order_std, _LEAST_STD))
+    variance = np.square(np.maximum(order_std, _MIN_STD))
     variance[0] *= 0.5
     used = np.ones(len(orders), dtype=np.bool_)
     used[_UNUSED_ORDER] = False
@@ -214,7 +214,7 @@ def _converge(
     *,
     cold: bool,
 ) -> _End:
-    """Iterate from `here`; model error and the order of the edge waves are updated on the way."""
+    """Iterate from `solution`; model error and the order of the edge waves are updated on the way."""
     free = np.ones(SIZE, dtype=np.bool_)
     free[P.SHEAR] = model.shear
     correction = model.refined(solution)[0] - solution.orders
@@ -294,7 +294,7 @@ def _distinct(parameters: FloatArray, std: FloatArray, free: BoolArray) -> BoolA
 def _is_flat(parameters: FloatArray, std: FloatArray) -> bool:
     """Return whether the road is flat: a drum would show and does not."""
     curvature, error = abs(float(parameters[P.ROAD_CURVATURE])), float(std[P.ROAD_CURVATURE])
-    return error < _LEAST_CURVATURE and curvature < max(0.5 * _LEAST_CURVATURE, _FLAT * error)
+    return error < _MIN_CURVATURE and curvature < max(0.5 * _MIN_CURVATURE, _FLAT * error)
 
 
 def _move(
@@ -306,14 +306,14 @@ def _move(
     used: BoolArray,
 ) -> ForwardSolution | None:
     """Take the step, or a part of it that improves the fit; None when no part does."""
-    before = _cost(solution, data, variance, used)
+    initial_cost = _cost(solution, data, variance, used)
     for _ in range(_HALVINGS + 1):
         try:
             stepped = model.solve(solution.parameters + change, solution.ring)
         except (RingNotConvergedError, ValueError):
             change = 0.25 * change
             continue
-        if _cost(stepped, data, variance, used) <= before * (1.0 + 1e-9):
+        if _cost(stepped, data, variance, used) <= initial_cost * (1.0 + 1e-9):
             return stepped
         change = 0.4 * change
     return None
@@ -355,11 +355,11 @@ def _model_error(residual: ComplexArray, variance: FloatArray, leverage: FloatAr
     shaped[0] = False
     power = np.where(shaped, np.abs(residual) ** 2, 0.0)
     freedom = np.where(shaped, np.maximum(2.0 - leverage, 0.0), 0.0)
-    begins = [begin for begin in ERROR_BANDS if begin < len(variance)]
-    of_band = np.add.reduceat(np.stack([power, freedom, np.where(shaped, variance, 0.0) * freedom]), begins, axis=1)
-    overall = max(float(of_band[0].sum() - of_band[2].sum()) / max(float(of_band[1].sum()), 1.0), 0.0)
-    excess = (np.maximum(of_band[0] - of_band[2], 0.0) + _POOLED_FREEDOM * overall) / (of_band[1] + _POOLED_FREEDOM)
-    error: FloatArray = np.repeat(excess, np.diff([*begins, len(variance)]))
+    starts = [start for start in ERROR_BANDS if start < len(variance)]
+    banded = np.add.reduceat(np.stack([power, freedom, np.where(shaped, variance, 0.0) * freedom]), starts, axis=1)
+    overall = max(float(banded[0].sum() - banded[2].sum()) / max(float(banded[1].sum()), 1.0), 0.0)
+    excess = (np.maximum(banded[0] - banded[2], 0.0) + _POOLED_FREEDOM * overall) / (banded[1] + _POOLED_FREEDOM)
+    error: FloatArray = np.repeat(excess, np.diff([*starts, len(variance)]))
     # The gain absorbs the error of the mean.
     error[0] = _MEAN_ERROR**2
     return error
@@ -381,13 +381,13 @@ def cold_start(model: ForwardModel, half_angle_rad: float) -> FloatArray:
 
 def place_centre(model: ForwardModel, solution: ForwardSolution, orders: ComplexArray) -> ForwardSolution:
     """Return the model with the contact centre and the gain of the data."""
-    moved = solution.parameters.copy()
+    parameters = solution.parameters.copy()
     n = np.arange(2, min(40, len(orders)))
     trials = np.linspace(-0.06, 0.06, 121)
     overlap = (np.exp(1j * np.multiply.outer(trials, n)) @ (orders[n] * solution.orders[n].conj())).real
-    moved[P.CENTRE] = trials[int(np.argmax(overlap))]
-    moved[P.GAIN] = math.log(max(float(overlap.max() / np.sum(np.abs(solution.orders[n]) ** 2)), 0.3))
-    return model.solve(moved, solution.ring)
+    parameters[P.CENTRE] = trials[int(np.argmax(overlap))]
+    parameters[P.GAIN] = math.log(max(float(overlap.max() / np.sum(np.abs(solution.orders[n]) ** 2)), 0.3))
+    return model.solve(parameters, solution.ring)
 
 
 def begin_waves(
@@ -409,7 +409,7 @@ def begin_waves(
     for order_index, packet in zip((P.BEFORE_ORDER, P.AFTER_ORDER), solution.packets(), strict=True):
         if not all_sides and packet.amplitude > _FAINT:
             continue
-        best = -1.0
+        best_gain = -1.0
         for order in _SEARCH_ORDERS:
             if order > 0.9 * model.max_order:
                 break
@@ -423,6 +423,6 @@ def begin_waves(
             columns = np.stack([stacked(row * weight) for row in basis], axis=1)
             amplitudes, *_ = np.linalg.lstsq(columns, data, rcond=None)
             gain = float(data @ (columns @ amplitudes))
-            if gain > best:
-                best, p[order_index] = gain, order
+            if gain > best_gain:
+                best_gain, p[order_index] = gain, order
     return model.solve(p, solution.ring)

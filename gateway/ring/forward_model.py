@@ -154,8 +154,8 @@ class ForwardModel:
     def resolving(self, parameters: FloatArray) -> Self:
         """Return the model on a grid that resolves the bending layer sqrt(EI / (p0 b R)) at the contact's edges."""
         layer_rad = math.sqrt(TABLE_3_NUMBERS[0] / TABLE_3_NUMBERS[1] * math.exp(parameters[P.BS] - parameters[P.CW]))
-        wanted = _NODES_PER_LAYER * 2.0 * math.pi / layer_rad
-        nodes = next((nodes for nodes in _NODE_COUNTS if nodes >= wanted), _NODE_COUNTS[-1])
+        required_nodes = _NODES_PER_LAYER * 2.0 * math.pi / layer_rad
+        nodes = next((nodes for nodes in _NODE_COUNTS if nodes >= required_nodes), _NODE_COUNTS[-1])
         return replace(self, nodes=max(nodes, self.nodes))
 
     def ring(self, parameters: FloatArray) -> RingParameters:
@@ -209,24 +209,24 @@ class ForwardModel:
         wave += p[P.AFTER_COSINE] * basis[6] + p[P.AFTER_SINE] * basis[7]
         orders: ComplexArray = (
             waveform_orders(ring.sensor.radial_m / TABLE_3_RADIUS_M, self.max_order) + wave
-        ) * self._turn(p)
+        ) * self._gain_and_phase(p)
         return orders
 
-    def _turn(self, p: FloatArray) -> ComplexArray:
+    def _gain_and_phase(self, p: FloatArray) -> ComplexArray:
         """Return gain and phase of each order: the waveform is that of theta - centre."""
-        turn: ComplexArray = math.exp(p[P.GAIN]) * np.exp(-1j * p[P.CENTRE] * np.arange(self.max_order + 1))
-        return turn
+        factors: ComplexArray = math.exp(p[P.GAIN]) * np.exp(-1j * p[P.CENTRE] * np.arange(self.max_order + 1))
+        return factors
 
     def wave_orders(self, p: FloatArray, ring: RingSolution) -> ComplexArray:
         """Return the orders of both packets' bases, (12, m); orders 0 and 1, which a closed belt lacks, are zero."""
-        free = 2.0 * math.pi - 2.0 * ring.half_angle_rad
+        free_rad = 2.0 * math.pi - 2.0 * ring.half_angle_rad
         sides = (
             (ring.leading_edge_rad, -1, p[P.BEFORE_ORDER], p[P.BEFORE_DECAY]),
             (ring.trailing_edge_rad, 1, p[P.AFTER_ORDER], p[P.AFTER_DECAY]),
         )
         basis = np.concatenate(
             [
-                packet_basis(ring.theta_rad, edge, direction, free, float(order), math.exp(decay))
+                packet_basis(ring.theta_rad, edge, direction, free_rad, float(order), math.exp(decay))
                 for edge, direction, order, decay in sides
             ]
         )
@@ -239,19 +239,19 @@ class ForwardModel:
         p, ring = solution.parameters, solution.ring
         rows, half_angle = np.zeros((SIZE, self.max_order + 1), dtype=np.complex128), np.zeros(SIZE)
         varied = [parameter for parameter in _RING_PARAMETERS if self.shear or parameter is not P.SHEAR]
-        moved = p + _STEP * np.eye(SIZE)[varied]
-        near = RingTangent(ring, drum_radius_m=_drum_radius_m(p), axle_torque_nm=_torque_nm(p)).nearby(
-            [self.ring(row) for row in moved],
+        shifted = p + _STEP * np.eye(SIZE)[varied]
+        neighbours = RingTangent(ring, drum_radius_m=_drum_radius_m(p), axle_torque_nm=_torque_nm(p)).nearby(
+            [self.ring(row) for row in shifted],
             sensor_offset_m=self.offset * TABLE_3_RADIUS_M,
-            drum_radii_m=[_drum_radius_m(row) for row in moved],
-            axle_torques_nm=[_torque_nm(row) for row in moved],
+            drum_radii_m=[_drum_radius_m(row) for row in shifted],
+            axle_torques_nm=[_torque_nm(row) for row in shifted],
         )
-        for parameter, parameters, moved_ring in zip(varied, moved, near, strict=True):
-            rows[parameter] = (self._orders(parameters, moved_ring) - solution.orders) / _STEP
-            half_angle[parameter] = (moved_ring.half_angle_rad - solution.half_angle_rad) / _STEP
+        for parameter, parameters, varied_ring in zip(varied, shifted, neighbours, strict=True):
+            rows[parameter] = (self._orders(parameters, varied_ring) - solution.orders) / _STEP
+            half_angle[parameter] = (varied_ring.half_angle_rad - solution.half_angle_rad) / _STEP
         rows[P.CENTRE] = -1j * np.arange(self.max_order + 1) * solution.orders
         rows[P.GAIN] = solution.orders
-        basis = self.wave_orders(p, ring) * self._turn(p)
+        basis = self.wave_orders(p, ring) * self._gain_and_phase(p)
         for first, packet in ((P.BEFORE_COSINE, basis[:6]), (P.AFTER_COSINE, basis[6:])):
             cosine, sine = p[first], p[first + 1]
             rows[first], rows[first + 1] = packet[0], packet[1]
@@ -267,8 +267,8 @@ class ForwardModel:
         """
         changes = np.zeros((2, self.max_order + 1), dtype=np.complex128)
         if self.offset_std:
-            moved = replace(self, offset=self.offset + _STEP).solve(solution.parameters, solution.ring)
-            changes[0] = (moved.orders - solution.orders) * (self.offset_std / _STEP)
+            shifted = replace(self, offset=self.offset + _STEP).solve(solution.parameters, solution.ring)
+            changes[0] = (shifted.orders - solution.orders) * (self.offset_std / _STEP)
         changes[1, 0] = self.steady_std
         return changes
 

@@ -14,7 +14,7 @@ BANDS: Final = (2, 4, 6, 9, 13, 18, 24, 31, 39, 48, ORDER_COUNT)
 _BAND_OF: Final = np.searchsorted(np.array(BANDS), np.arange(ORDER_COUNT), side="right").clip(1) - 1
 _BAND_COUNT: Final = len(BANDS) - 1
 # Least standard error of an order, as a share of the mean: resampling and rounding.
-_LEAST_STD: Final = 1e-6
+_MIN_STD: Final = 1e-6
 # First of the bands in which the belt's shape has decayed to less than the waves that tread blocks make.
 _WAVE_BAND: Final = BANDS.index(39)
 # Power over that of noise from which it is not noise alone: in a band of nine orders noise exceeds it once in 30.
@@ -43,7 +43,7 @@ def relative_std(order_std: FloatArray, mean: float, orders: FloatArray, max_ord
     if max_order < ORDER_COUNT - 1:
         last = orders[max(BANDS[0], max_order - 7) : max_order + 1]
         std[max_order + 1 :] = np.maximum(std[max_order + 1 :], math.sqrt(float(np.square(last).mean())))
-    return np.maximum(std, _LEAST_STD)
+    return np.maximum(std, _MIN_STD)
 
 
 def wave_std(signal: ComplexArray, noise_std: FloatArray, max_order: int) -> FloatArray:
@@ -60,11 +60,11 @@ def wave_std(signal: ComplexArray, noise_std: FloatArray, max_order: int) -> Flo
     """
     relative = signal[: max_order + 1] / signal[0].real
     variance = np.zeros(ORDER_COUNT)
-    above = np.square(np.abs(relative[ORDER_COUNT:]))
-    beyond = 0.5 * float(above.mean()) if len(above) else math.inf
+    powers = np.square(np.abs(relative[ORDER_COUNT:]))
+    high_order_power = 0.5 * float(powers.mean()) if len(powers) else math.inf
     for first, following in pairwise(BANDS[_WAVE_BAND:]):
         if first <= max_order:
-            waves = min(float(np.square(relative.imag[first:following]).mean()), beyond)
+            waves = min(float(np.square(relative.imag[first:following]).mean()), high_order_power)
             variance[first:following] = max(waves - _BEYOND_NOISE * float(noise_std[first]) ** 2, 0.0)
     result: FloatArray = np.sqrt(variance)
     return result
@@ -96,9 +96,9 @@ def _quarter_turn() -> FloatArray:
     """Cosine orders of sin(k |theta|), by k: 4 k / (pi (k^2 - n^2)) where k - n is odd, half of it at n = 0."""
     k, n = np.meshgrid(np.arange(ORDER_COUNT), np.arange(ORDER_COUNT), indexing="ij")
     odd = (k - n) % 2 == 1
-    turned: FloatArray = np.where(odd, 4.0 * k / (math.pi * np.where(odd, k**2 - n**2, 1)), 0.0)
-    turned[:, : BANDS[0]] = 0.0  # the mean is fixed by calibration, order 1 by closure
-    return turned
+    matrix: FloatArray = np.where(odd, 4.0 * k / (math.pi * np.where(odd, k**2 - n**2, 1)), 0.0)
+    matrix[:, : BANDS[0]] = 0.0  # the mean is fixed by calibration, order 1 by closure
+    return matrix
 
 
 _MASKS: Final[FloatArray] = _masks()

@@ -82,13 +82,13 @@ def sidewall_damping(orders: ComplexArray, numbers: FloatArray, max_order: int) 
         lag = _CUBIC / stiffness
         bending_lag = _BENDING * (float(numbers[0]) / stiffness)
     lag[:_FIRST] = bending_lag[:_FIRST] = 0.0
-    used = slice(_FIRST, last + 1)
+    fitted = slice(_FIRST, last + 1)
     cosine, sine = orders.real, -orders.imag
-    columns = np.stack([_ORDERS[used], lag[used], bending_lag[used]], axis=1) * cosine[used, np.newaxis]
-    if not (np.isfinite(columns).all() and np.isfinite(sine[used]).all()):
+    columns = np.stack([_ORDERS[fitted], lag[fitted], bending_lag[fitted]], axis=1) * cosine[fitted, np.newaxis]
+    if not (np.isfinite(columns).all() and np.isfinite(sine[fitted]).all()):
         return None
     # One factorisation, the right-hand side as last column, serves the fit without and with damping of the bending.
-    upper = upper_factor(np.column_stack([columns, sine[used]]))
+    upper = upper_factor(np.column_stack([columns, sine[fitted]]))
     largest = np.abs(upper).max(axis=0).tolist()
     first, second, third, *_ = upper.tolist()
     if not abs(second[1]) > _SINGULAR * max(largest[:2]):

@@ -67,8 +67,8 @@ def least_squares(matrices: FloatArray, right: FloatArray) -> FloatArray:
     """
     count = matrices.shape[2]
     solved = np.empty((len(right), count, right.shape[2]))
-    for index, both in enumerate(zip(matrices, right, strict=True)):
-        if not fitted(*both, solved[index]):
+    for index, system in enumerate(zip(matrices, right, strict=True)):
+        if not fitted(*system, solved[index]):
             raise np.linalg.LinAlgError("the columns are not independent")
     return solved
 

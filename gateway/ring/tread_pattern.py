@@ -38,14 +38,14 @@ class EdgeWaves:
 
         Orders 0 and 1 are removed: the curvature of a closed belt has a mean of one turn and no first order of its own.
         """
-        ahead = np.mod(leading_rad - theta_rad, 2.0 * np.pi)
-        behind = np.mod(theta_rad - trailing_rad, 2.0 * np.pi)
-        free = 2.0 * np.pi - (trailing_rad - leading_rad)
+        ahead_rad = np.mod(leading_rad - theta_rad, 2.0 * np.pi)
+        behind_rad = np.mod(theta_rad - trailing_rad, 2.0 * np.pi)
+        free_rad = 2.0 * np.pi - (trailing_rad - leading_rad)
         wave = np.zeros_like(theta_rad)
-        for distance, order in ((ahead, self.order_before), (behind, self.order_after)):
-            swell = 1.0 - np.exp(-((distance / _ONSET_RAD) ** 2))
-            packet = swell * np.exp(-distance / self.decay_rad) * np.cos(order * distance + self.phase_rad)
-            wave += np.where(distance < free, packet, 0.0)
+        for distance, order in ((ahead_rad, self.order_before), (behind_rad, self.order_after)):
+            onset = 1.0 - np.exp(-((distance / _ONSET_RAD) ** 2))
+            packet = onset * np.exp(-distance / self.decay_rad) * np.cos(order * distance + self.phase_rad)
+            wave += np.where(distance < free_rad, packet, 0.0)
         spectrum = np.fft.rfft(wave)
         spectrum[:2] = 0.0
         return self.amplitude * np.fft.irfft(spectrum, n=len(theta_rad))
@@ -69,7 +69,7 @@ class TreadPitch:
 
     def radial(self, theta_rad: FloatArray, leading_rad: float, trailing_rad: float) -> FloatArray:
         """Return the blocks' contribution to the radial axis in R omega^2, over one uniform revolution (N,)."""
-        beyond = np.maximum(np.maximum(leading_rad - theta_rad, theta_rad - trailing_rad), 0.0)
-        fading = np.exp(-0.5 * (beyond / self.reach_rad) ** 2)
-        wave: FloatArray = self.amplitude * fading * np.cos(self.blocks * theta_rad + self.phase_rad)
+        distance = np.maximum(np.maximum(leading_rad - theta_rad, theta_rad - trailing_rad), 0.0)
+        envelope = np.exp(-0.5 * (distance / self.reach_rad) ** 2)
+        wave: FloatArray = self.amplitude * envelope * np.cos(self.blocks * theta_rad + self.phase_rad)
         return wave

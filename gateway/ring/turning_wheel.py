@@ -61,8 +61,8 @@ class HubMotion(NamedTuple):
 
     def accelerations_radps2(self) -> FloatArray:
         """Return the angular acceleration along the wheel's axes, (n, 3) or (3,) rad/s^2."""
-        both = np.multiply(self.turn_radps, self.camber_radps)
-        return self._cambered(self.camber_radps2, both, self.turn_radps2)
+        cross_term = np.multiply(self.turn_radps, self.camber_radps)
+        return self._cambered(self.camber_radps2, cross_term, self.turn_radps2)
 
     def _cambered(self, forward: ArrayLike, leftward: ArrayLike, upward: ArrayLike) -> FloatArray:
         """Return components along the heading, to the left and along the road's normal along the wheel's axes."""
@@ -96,8 +96,8 @@ def sensor_axes(angle_rad: FloatArray) -> tuple[FloatArray, FloatArray]:
     Args:
         angle_rad: (n,) of the sensor, 0 at the contact centre.
     """
-    sine, cosine, none = np.sin(angle_rad), np.cos(angle_rad), np.zeros(np.shape(angle_rad))
-    return np.stack([-cosine, none, sine], axis=-1), np.stack([sine, none, cosine], axis=-1)
+    sine, cosine, zeros = np.sin(angle_rad), np.cos(angle_rad), np.zeros(np.shape(angle_rad))
+    return np.stack([-cosine, zeros, sine], axis=-1), np.stack([sine, zeros, cosine], axis=-1)
 
 
 def turning_acceleration(
@@ -117,6 +117,6 @@ def turning_acceleration(
     travel, inward = sensor_axes(angle_rad)
     speed = radius_m * np.broadcast_to(omega_radps, np.shape(angle_rad))
     added = added_by_motion(motion, -radius_m * inward, speed[..., np.newaxis] * travel)
-    along, radial = np.sum(added * travel, axis=-1), np.sum(added * inward, axis=-1)
-    result: FloatArray = np.stack([along, added[..., 1], radial], axis=-1)
+    circumferential, radial = np.sum(added * travel, axis=-1), np.sum(added * inward, axis=-1)
+    result: FloatArray = np.stack([circumferential, added[..., 1], radial], axis=-1)
     return result

@@ -104,9 +104,9 @@ class _Renewed:
 
     def noise(self, scatters: FloatArray, effective_counts: FloatArray) -> FloatArray:
         """Return the variance of the noise of k averages over that at the renewal, (k,)."""
-        before = float(self.state[_SCATTER])
+        renewal_scatter = float(self.state[_SCATTER])
         result: FloatArray = self.effective_count / effective_counts
-        return result * (scatters / before) if before > 0.0 else result
+        return result * (scatters / renewal_scatter) if renewal_scatter > 0.0 else result
 
     def model(self, sensor: FloatArray) -> FloatArray:
         """Return the covariance from model error and errors of the sensor (k, 5) at load number 1, (k, 4, 4)."""
@@ -123,9 +123,9 @@ class _Renewed:
             counts: revolutions averaged.
         """
         limits = np.minimum(self.std, _FOLLOWING_STDS * np.abs(self.values)) * self.std
-        moved = ~(np.square(values - self.values) <= limits)
-        due = [count != self.count and (is_due(count) or not 0 < count - self.count <= LONGEST) for count in counts]
-        outdated: BoolArray = moved.any(axis=1) | differ(states, self.state, self.allowed) | due
+        has_changed = ~(np.square(values - self.values) <= limits)
+        stale = [count != self.count and (is_due(count) or not 0 < count - self.count <= LONGEST) for count in counts]
+        outdated: BoolArray = has_changed.any(axis=1) | differ(states, self.state, self.allowed) | stale
         return outdated
 
 
@@ -190,7 +190,7 @@ class WeakFormEstimator(BlockEstimator):
     def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
         """Return the estimates of every revolution."""
         series, fitted = _Series(block), FittedSeries.empty(len(block))
-        refused: dict[int, Reason] = {}
+        refusals: dict[int, Reason] = {}
         first, is_new = 0, False
         while first < len(block):
             first = self._follow(block, series, fitted, first, is_new=is_new)
@@ -199,15 +199,15 @@ class WeakFormEstimator(BlockEstimator):
                 renewed = self._renew(block, series, first)
                 if isinstance(renewed, Reason):
                     self._warm = self._renewed = None
-                    refused[first] = renewed
+                    refusals[first] = renewed
                     first += 1
                 else:
                     self._renewed, is_new = renewed, True
         is_linear = block.conditions[0].tire.is_linear_ring
         counts = block.averages.effective_counts
-        doubts = [doubt_about(*both, is_linear_ring=is_linear) for both in zip(block.revolutions, counts, strict=True)]
+        doubts = [doubt_about(*pair, is_linear_ring=is_linear) for pair in zip(block.revolutions, counts, strict=True)]
         estimates = series_estimates(self.name, fitted, block.conditions, doubts, noise_scatters=True)
-        for index, reason in refused.items():
+        for index, reason in refusals.items():
             estimates[index] = all_invalid(reason)
         return estimates
 
@@ -218,36 +218,36 @@ class WeakFormEstimator(BlockEstimator):
 
         With `is_new` the solution is that of the first.
         """
-        renewed, rest = self._renewed, slice(first, None)
+        renewed, remaining = self._renewed, slice(first, None)
         if renewed is None:
             return first
-        values = renewed.followed(series.orders[rest], series.conditions.rows(rest))
-        outdated = renewed.are_outdated(values, series.states[rest], block.averages.counts[rest])
+        values = renewed.followed(series.orders[remaining], series.conditions.rows(remaining))
+        outdated = renewed.are_outdated(values, series.states[remaining], block.averages.counts[remaining])
         if is_new:
             outdated[0] = False
         count = int(outdated.argmax()) if outdated.any() else len(values)
-        taken = slice(first, first + count)
-        loads = series.load_numbers[taken]
-        fitted.values[taken] = values[:count] * loads[:, np.newaxis]
-        fitted.free[taken] = renewed.fits.free[0]
+        followed = slice(first, first + count)
+        loads = series.load_numbers[followed]
+        fitted.values[followed] = values[:count] * loads[:, np.newaxis]
+        fitted.free[followed] = renewed.fits.free[0]
         squares = np.square(loads)[:, np.newaxis, np.newaxis]
-        noise = renewed.noise(series.states[taken, _SCATTER], series.effective_counts[taken])
-        fitted.noise[taken] = renewed.fits.noise[0] * (noise[:, np.newaxis, np.newaxis] * squares)
-        fitted.model[taken] = renewed.model(series.sensor[taken]) * squares
+        noise = renewed.noise(series.states[followed, _SCATTER], series.effective_counts[followed])
+        fitted.noise[followed] = renewed.fits.noise[0] * (noise[:, np.newaxis, np.newaxis] * squares)
+        fitted.model[followed] = renewed.model(series.sensor[followed]) * squares
         return first + count
 
     def _renew(self, block: RevolutionBlock, series: _Series, index: int) -> _Renewed | Reason:
         """Solve the balance of the average after a revolution, or return why it cannot be."""
         average, conditions = block.averages.at(index), block.conditions[index]
-        orders_here, state = series.orders[index], series.states[index]
+        current_orders, state = series.orders[index], series.states[index]
         reason = unusable(average, conditions)
         if reason:
             return reason
         edges = average.leading_edge_rad, average.trailing_edge_rad
         edges_std = np.array([average.leading_edge_std_rad, average.trailing_edge_std_rad])
         half_angle, centre = 0.5 * (edges[1] - edges[0]), 0.5 * (edges[1] + edges[0])
-        carried = int(np.flatnonzero(np.isfinite(average.orders_mps2))[-1])
-        max_order = MAX_ORDER if carried >= ORDER_COUNT - 1 else carried
+        highest_order = int(np.flatnonzero(np.isfinite(average.orders_mps2))[-1])
+        max_order = MAX_ORDER if highest_order >= ORDER_COUNT - 1 else highest_order
         offset = conditions.sensor_offset_m / conditions.radius_m
         signal = orders_about(average.radial_mps2, centre, max_order)
         mean = float(signal[0].real)
@@ -255,26 +255,26 @@ class WeakFormEstimator(BlockEstimator):
         damping = sidewall_damping(signal, warm.unknowns[0, :4], max_order) if warm is not None else None
         rows = np.stack([*[signal.real] * 3, _undamped(signal, damping)])
         sides = curvature_orders(rows, offset + _OFFSET_STEPS)
-        plain, orders = sides[:1], sides[3:]
+        raw_orders, orders = sides[:1], sides[3:]
         by_offset_step = (sides[2] - sides[1])[:ORDER_COUNT] / (2.0 * _OFFSET_STEP)
-        if not np.isfinite(plain).all():
+        if not np.isfinite(raw_orders).all():
             return Reason(CoreCode.NO_STEADY_VALUE)
-        if (curvature := float(plain[0].sum())) > _MAX_CONTACT_CURVATURE:
+        if (curvature := float(raw_orders[0].sum())) > _MAX_CONTACT_CURVATURE:
             return Reason(RingCode.NO_FLAT_CONTACT, curvature=curvature, limit=_MAX_CONTACT_CURVATURE)
-        noise_std = relative_std(average.orders_std_mps2, mean, plain[0], max_order)
+        noise_std = relative_std(average.orders_std_mps2, mean, raw_orders[0], max_order)
         waves = wave_std(signal, noise_std, max_order)
         std = np.hypot(noise_std, waves)[np.newaxis]
         begin = motion_begin(half_angle)
         try:
             if warm is None:
-                warm = solve_balance(plain, begin, std, None, _COLD_PASSES)
+                warm = solve_balance(raw_orders, begin, std, None, _COLD_PASSES)
                 damping = sidewall_damping(signal, warm.unknowns[0, :4], max_order)
                 orders = curvature_orders(_undamped(signal, damping)[np.newaxis], offset)
             solution = solve_balance(orders, begin, std, warm, 1)
             if self._renewed is not None:
                 limit = _CONVERGED_STDS * self._renewed.std
-                present = series.conditions.rows(slice(index, index + 1))
-                followed = self._renewed.followed(orders_here[np.newaxis], present)[0]
+                condition_rows = series.conditions.rows(slice(index, index + 1))
+                followed = self._renewed.followed(current_orders[np.newaxis], condition_rows)[0]
                 for _ in range(_FURTHER_PASSES):
                     numbers = solution.unknowns[0, :4]
                     if (np.abs(numbers - followed) <= limit).all():
@@ -287,7 +287,7 @@ class WeakFormEstimator(BlockEstimator):
         self._warm = solution
         systematic = [np.diag(waves)] if damping is None else [np.diag(waves), _damping_errors(damping, mean)]
         fits = fits_of(solution, noise_std[np.newaxis], np.concatenate(systematic))
-        by_sensor = sensor_errors(mean, plain, by_offset_step) @ solution.response[0, :4].T
+        by_sensor = sensor_errors(mean, raw_orders, by_offset_step) @ solution.response[0, :4].T
         response = solution.response[0, :4] * fits.free[0][:, np.newaxis]
         response[:, max_order + 1 :] = 0.0
         renewed = _Renewed(
@@ -296,7 +296,7 @@ class WeakFormEstimator(BlockEstimator):
             response=response,
             by_offset=response[:, 2:] @ by_offset_step[2:],
             by_sensor=(by_sensor[:, :, np.newaxis] * by_sensor[:, np.newaxis]).reshape(-1, 16),
-            signal=orders_here,
+            signal=current_orders,
             count=average.count,
             effective_count=average.effective_count,
             offset_m=conditions.sensor_offset_m,
@@ -398,8 +398,8 @@ def fits_of(solution: WeakFormSolution, order_std: FloatArray, systematic: Float
     # The fit has removed UNKNOWNS degrees of freedom from the residual.
     excess = np.maximum(1.0 - 1.0 / np.maximum(solution.misfit, 1.0), 0.0) * (ROWS + 1) / FREEDOM
     waves = by_band(solution.correction)
-    moved = np.concatenate([waves, waves @ QUARTER_TURN], axis=1) @ response.transpose(0, 2, 1)
-    model = 0.5 * excess[:, np.newaxis, np.newaxis] * (moved.transpose(0, 2, 1) @ moved)
+    shifts = np.concatenate([waves, waves @ QUARTER_TURN], axis=1) @ response.transpose(0, 2, 1)
+    model = 0.5 * excess[:, np.newaxis, np.newaxis] * (shifts.transpose(0, 2, 1) @ shifts)
     extension = solution.unknowns[:, :4] * EXTENSION_ERRORS
     model += extension[:, :, np.newaxis] * extension[:, np.newaxis, :]
     if systematic is not None:

@@ -112,22 +112,22 @@ def balance_rows(shape: BeltShape, begin: int) -> BalanceRows:
     motion = virtual_motion(begin)
     count = len(shape.orders)
     normal = 1j * shape.tangent
-    moved = shape.position - RADIAL
-    radial_pull = dot(moved, RADIAL) * RADIAL
-    pulls = np.stack([radial_pull, moved - radial_pull], axis=1)
+    displacement = shape.position - RADIAL
+    radial_pull = dot(displacement, RADIAL) * RADIAL
+    pulls = np.stack([radial_pull, displacement - radial_pull], axis=1)
     forces = np.empty((count, 3, HALF_STEPS + 1), dtype=np.complex128)
     # Pressure: f = n = 1j times the tangent, whose integral the position is.
     forces[:, 0] = 1j * (shape.position - shape.position[:, -1:])
     integral = 1j * integrate_from_zero(-1j * pulls)
     forces[:, 1:] = integral - integral[..., -1:]
-    free = slice(begin, None)
+    free_range = slice(begin, None)
     # Integrands of phi: F . n of Cw, Rs, Ts, tension, and of Rs, Ts per deflection.
     integrands = np.empty((count, 6, len(motion.weights)))
-    integrands[:, :3] = dot(forces[..., free], normal[:, np.newaxis, free])
-    integrands[:, 3] = -normal.real[:, free]
-    integrands[:, 4:] = dot(_RISE_FORCES[:, free], normal[:, np.newaxis, free])
+    integrands[:, :3] = dot(forces[..., free_range], normal[:, np.newaxis, free_range])
+    integrands[:, 3] = -normal.real[:, free_range]
+    integrands[:, 4:] = dot(_RISE_FORCES[:, free_range], normal[:, np.newaxis, free_range])
     by_rotation = (integrands * motion.weights) @ motion.rotation.T
-    bend = ((shape.curvature[:, free] - 1.0) * motion.weights) @ motion.slope.T
+    bend = ((shape.curvature[:, free_range] - 1.0) * motion.weights) @ motion.slope.T
     constant = np.zeros((count, ROWS + 1, 5))
     rise = np.zeros((count, ROWS + 1, 5))
     constant[:, :ROWS, 0] = bend
@@ -181,18 +181,18 @@ def _by_angle_by_numpy(
         out: the result.
     """
     cw, rs, ts = numbers
-    free, along = slice(len(tangent) - rotation.shape[1], None), ALONG[::STRIDE]
+    free_range, rim_tangent = slice(len(tangent) - rotation.shape[1], None), ALONG[::STRIDE]
     # Virtual displacement int n phi, 0 in the contact; the last row's is vertical.
-    moved = np.zeros(out.shape, dtype=np.complex128)
-    moved[:ROWS, free] = _running(1j * tangent[free] * rotation)
-    moved[ROWS] = 2.0j
+    displacement = np.zeros(out.shape, dtype=np.complex128)
+    displacement[:ROWS, free_range] = _running(1j * tangent[free_range] * rotation)
+    displacement[ROWS] = 2.0j
     # Derivative by the angle: the belt beyond the point moves along its normal, which changes the work of the sidewall,
-    backwards = tangent.conj()
-    radial = (rs - ts) * (along * moved.conj()).imag
-    out[:] = (backwards * _remaining(ts * moved - radial * (1j * along))).imag
+    conjugate = tangent.conj()
+    radial = (rs - ts) * (rim_tangent * displacement.conj()).imag
+    out[:] = (conjugate * _remaining(ts * displacement - radial * (1j * rim_tangent))).imag
     # and pressure and axial force rotate.
-    out[:ROWS] -= cw * (backwards * moved[:ROWS]).real
-    out[:ROWS, free] += axial[free] * rotation
+    out[:ROWS] -= cw * (conjugate * displacement[:ROWS]).real
+    out[:ROWS, free_range] += axial[free_range] * rotation
 
 
 def _by_angle_by_core(

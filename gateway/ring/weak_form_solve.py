@@ -142,13 +142,13 @@ def _solve_at(orders: FloatArray, rows: BalanceRows, start: FloatArray, weights:
     unknowns, free, jacobian, residual = _solve_whitened(whitened, start)
     inverse = _inverse(jacobian)
     # Back through the weights: whitened rows to unknowns, residual to the change of the orders that explains it.
-    both = np.concatenate([inverse, residual[:, np.newaxis]], axis=1).transpose(0, 2, 1)
-    back = solve_lower(weights.factor, both, transposed=True).transpose(0, 2, 1) @ weights.sensitivity
+    columns = np.concatenate([inverse, residual[:, np.newaxis]], axis=1).transpose(0, 2, 1)
+    by_order = solve_lower(weights.factor, columns, transposed=True).transpose(0, 2, 1) @ weights.sensitivity
     return WeakFormSolution(
         unknowns=unknowns,
         free=free,
-        response=-back[:, :UNKNOWNS],
-        correction=-back[:, UNKNOWNS] * weights.variance,
+        response=-by_order[:, :UNKNOWNS],
+        correction=-by_order[:, UNKNOWNS] * weights.variance,
         misfit=np.sum(np.square(residual), axis=1) / FREEDOM,
     )
 

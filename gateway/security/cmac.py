@@ -110,10 +110,10 @@ class FrameSigner:
             ValueError: its payload leaves no room for a tag.
             KeyError: there is no key for this identity.
         """
-        begun = self._codes[identity]
+        template = self._codes[identity]
 
         def mac(data: bytes) -> bytes:
-            code = begun.copy()
+            code = template.copy()
             code.update(data)
             return code.finalize()
 

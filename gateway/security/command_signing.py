@@ -29,7 +29,7 @@ _HELLO_BYTES: Final = PAYLOADS[MessageType.HELLO].size
 _ANSWER: Final = PAYLOADS[MessageType.CHALLENGE_ANSWER].head
 _ANSWER_BYTES: Final = _ANSWER.size + wire.TAG_BYTES
 _U32: Final = 0xFFFF_FFFF
-_MOST_RESYNCS: Final = 3
+_MAX_RESYNCS: Final = 3
 
 _NS_PER_S: Final = 1_000_000_000
 # Anybody can send a hello, so what hellos cause is limited: at once, and then per second.
@@ -123,9 +123,9 @@ class HubCommands:
         """Take one of the limited answers to hellos; return whether there was one."""
         if hub.answered_ns is not None and 0 <= now_ns - hub.answered_ns < _CHALLENGE_PERIOD_NS:
             return False
-        passed_ns = 0 if self._allowed_ns is None else max(now_ns - self._allowed_ns, 0)
+        elapsed_ns = 0 if self._allowed_ns is None else max(now_ns - self._allowed_ns, 0)
         self._allowed_ns = now_ns
-        refilled = self._allowance + passed_ns / _NS_PER_S * _HELLOS_ANSWERED_PER_S
+        refilled = self._allowance + elapsed_ns / _NS_PER_S * _HELLOS_ANSWERED_PER_S
         self._allowance = min(refilled, float(_HELLOS_ANSWERED))
         if self._allowance < 1.0:
             return False
@@ -161,7 +161,7 @@ class HubCommands:
 
     def resynchronise(self, hub: HubAtLink, result: CommandResult) -> bool:
         """Forget the counter of a hub that calls a command repeated; return whether to challenge it again."""
-        if result.outcome != Outcome.REPEATED or not hub.is_present or hub.resyncs >= _MOST_RESYNCS:
+        if result.outcome != Outcome.REPEATED or not hub.is_present or hub.resyncs >= _MAX_RESYNCS:
             return False
         hub.resyncs += 1
         hub.nonce, hub.next_seq, hub.answered_ns = new_nonce(), None, None

@@ -31,7 +31,7 @@ _logger = logging.getLogger(__name__)
 _POLL_S: Final = 0.1
 _ANSWER_S: Final = 2.0
 _MOST_CLIENTS: Final = 8
-_MOST_BYTES: Final = 65536
+_MAX_BYTES: Final = 65536
 _LONGEST_REQUEST: Final = 4096
 _IS_PRIVATE: Final = 0o077
 
@@ -77,7 +77,7 @@ class SharedLink(WrappedSource):
     def remove_reader(self, reader: socket.socket) -> None:
         """Give it nothing more."""
         with self._lock:
-            self._readers = [other for other in self._readers if other is not reader]
+            self._readers = [client for client in self._readers if client is not reader]
 
 
 def _is_sent(reader: socket.socket, data: bytes) -> bool:
@@ -182,7 +182,7 @@ class ControlSocket:
         while not self._closed.is_set():
             if not select.select([client], [], [], _POLL_S)[0]:
                 continue
-            data = client.recv(_MOST_BYTES)
+            data = client.recv(_MAX_BYTES)
             if not data:
                 return
             with suppress(TreadlinkError):  # no answer comes, which the client reports
@@ -255,7 +255,7 @@ class SessionSource:
         self._connection.settimeout(_POLL_S)
         while not stop.is_set():
             try:
-                data = self._connection.recv(_MOST_BYTES)
+                data = self._connection.recv(_MAX_BYTES)
             except TimeoutError:
                 continue
             except OSError:
@@ -340,9 +340,9 @@ class CommandedLinks:
         # The policy `warn` is for a time in which not every hub signs yet.
         may_be_unsigned = guard is not None and not guard.requires
         self._links = shared_links([source for source in sources if isinstance(source, TwoWaySource)])
-        shared = {id(link.source): link for link in self._links.values()}
+        shared_by_id = {id(link.source): link for link in self._links.values()}
         self.sources = [
-            with_commands(shared.get(id(source), source), clock, keys, may_be_unsigned=may_be_unsigned)
+            with_commands(shared_by_id.get(id(source), source), clock, keys, may_be_unsigned=may_be_unsigned)
             for source in sources
         ]
 
@@ -353,7 +353,7 @@ class CommandedLinks:
     def in_use(self) -> Iterator[Notice]:
         """Yield a notice for each link that another session has."""
         for link in self._links.values():
-            other = session_of(link.link)
-            if other is not None:
-                other.connection.close()
-                yield Notice(link.link, Reason(SecurityCode.LINK_IN_USE, process=other.process), Level.WARNING)
+            session = session_of(link.link)
+            if session is not None:
+                session.connection.close()
+                yield Notice(link.link, Reason(SecurityCode.LINK_IN_USE, process=session.process), Level.WARNING)

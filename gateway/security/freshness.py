@@ -18,7 +18,7 @@ _SEQ_BITS: Final = 32
 _FORMAT: Final = 1
 # Between an identity and the check value of its key.
 _KEY_MARK: Final = ":"
-_MOST_BYTES: Final = 16 << 20
+_MAX_BYTES: Final = 16 << 20
 _REMEDY: Final = "Delete it if you accept that frames of former sessions could be replayed."
 
 
@@ -52,18 +52,18 @@ class Counter:
 
     def take(self, counter: int) -> Freshness:
         """Check a counter; NEW and LATE ones are remembered and not accepted again."""
-        ahead = counter - self.highest
-        if ahead > 0:
+        lead = counter - self.highest
+        if lead > 0:
             if self.highest < 0:
                 # Frames sent before the first one received may still arrive.
                 self._seen = 1
             else:
-                self._seen = (self._seen << ahead | 1) & _ALL_SEEN if ahead < WINDOW else 1
+                self._seen = (self._seen << lead | 1) & _ALL_SEEN if lead < WINDOW else 1
             self.highest = counter
             return Freshness.NEW
-        if -ahead >= WINDOW:
+        if -lead >= WINDOW:
             return Freshness.OLD
-        bit = 1 << -ahead
+        bit = 1 << -lead
         if self._seen & bit:
             return Freshness.SEEN
         self._seen |= bit
@@ -84,7 +84,7 @@ class Ledger:
             SecurityError: it cannot be read, is not such a file, or others can change it.
         """
         self._path = path
-        self._saved = _read(path) if path is not None else {}
+        self._saved = _stored_counters(path) if path is not None else {}
         self._counters: dict[str, Counter] = {}
 
     def counter(self, identity: str, check_value: str) -> Counter:
@@ -118,7 +118,7 @@ class Ledger:
         if self._path is None or current.items() <= self._saved.items():
             return
         with locked(self._path):
-            merged = _read(self._path)
+            merged = _stored_counters(self._path)
             for name, highest in current.items():
                 merged[name] = max(highest, merged.get(name, -1))
             write_private(self._path, _text(merged))
@@ -130,13 +130,13 @@ class Ledger:
         Raises:
             SecurityError: the file cannot be written.
         """
-        for name in [name for name in self._counters if _is_of(name, identity)]:
+        for name in [name for name in self._counters if _belongs_to(name, identity)]:
             del self._counters[name]
         if self._path is None:
             return
         with locked(self._path):
-            saved = _read(self._path)
-            remaining = {name: highest for name, highest in saved.items() if not _is_of(name, identity)}
+            saved = _stored_counters(self._path)
+            remaining = {name: highest for name, highest in saved.items() if not _belongs_to(name, identity)}
             if remaining != saved:
                 write_private(self._path, _text(remaining))
         self._saved = remaining
@@ -146,7 +146,7 @@ def _entry(identity: str, check_value: str) -> str:
     return f"{identity}{_KEY_MARK}{check_value}"
 
 
-def _is_of(name: str, identity: str) -> bool:
+def _belongs_to(name: str, identity: str) -> bool:
     return name.partition(_KEY_MARK)[0] == identity
 
 
@@ -155,8 +155,8 @@ def _text(highest: Mapping[str, int]) -> str:
     return json.dumps({"format": _FORMAT, "highest": {name: str(value) for name, value in sorted(highest.items())}})
 
 
-def _read(path: Path) -> dict[str, int]:
-    text = read_private(path, _MOST_BYTES)
+def _stored_counters(path: Path) -> dict[str, int]:
+    text = read_private(path, _MAX_BYTES)
     if text is None:
         return {}
     try:

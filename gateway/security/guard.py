@@ -84,10 +84,10 @@ class _Sender:
         following = self.verifier.boot_count + 1
         if following > _LAST_BOOT:
             return False
-        ahead = Verifier(self.key, self.number, following)
-        if not ahead.is_genuine(frame):
+        next_verifier = Verifier(self.key, self.number, following)
+        if not next_verifier.is_genuine(frame):
             return False
-        self.verifier = ahead
+        self.verifier = next_verifier
         return True
 
     def judge(self, frame: bytes) -> Verdict:
@@ -172,8 +172,8 @@ class Guard:
         """Return the notices since the last call."""
         if not self._notices:
             return []
-        taken, self._notices = self._notices, []
-        return taken
+        notices, self._notices = self._notices, []
+        return notices
 
 
 class LinkGate:
@@ -190,7 +190,7 @@ class LinkGate:
         self._requires = guard.requires
         self._senders: dict[bytes, _Sender] = {}
         self._unknown: dict[bytes, str] = {}
-        self._earlier: dict[bytes, _Sender] = {}
+        self._earlier_senders: dict[bytes, _Sender] = {}
         self._earlier_starts: dict[bytes, _EarlierStart] = {}
         self._reports = _RefusalReports(link, guard)
         # By hub and wheel, and by hub, the start of the last verified frame.
@@ -246,8 +246,8 @@ class LinkGate:
             self._senders[source] = presumed
         if verdict is not Verdict.FORGED:
             return verdict
-        earlier = self._earlier.get(source)
-        if earlier is not None and earlier.is_genuine(frame):
+        earlier_sender = self._earlier_senders.get(source)
+        if earlier_sender is not None and earlier_sender.is_genuine(frame):
             return Verdict.EARLIER_START
         # The start is a guess so far: a wrong tag proves nothing yet.
         return Verdict.EARLY
@@ -294,11 +294,11 @@ class LinkGate:
         if verdict is Verdict.VERIFIED:
             self._unknown.pop(source, None)
             self._senders[source] = sender
-            self._earlier.pop(source, None)
+            self._earlier_senders.pop(source, None)
             self._introduce_hub(source[:1] + bytes((HUB_ITSELF,)), hub_identity(hub_id), boot_count)
         elif verdict is Verdict.EARLIER_START:
             # Kept apart from the accepted senders: a replayed hello must not displace the sensor.
-            self._earlier[source] = sender
+            self._earlier_senders[source] = sender
             self._note_earlier(source, sender, hub_identity(hub_id))
         return verdict
 
@@ -323,7 +323,7 @@ class _RefusalReports:
         self._link = link
         self._guard = guard
         self._counts: dict[tuple[bytes, Verdict, str | None, bool], int] = {}
-        self._due: dict[tuple[bytes, Verdict, str | None, bool], int] = {}
+        self._next_counts: dict[tuple[bytes, Verdict, str | None, bool], int] = {}
 
     def count(
         self, source: bytes, verdict: Verdict, claimed: str | None, earlier: _EarlierStart | None, *, passes: bool
@@ -340,9 +340,9 @@ class _RefusalReports:
         # The sender can claim any number of identities, so that what is kept must not grow with them.
         key = (source, verdict, claimed if claimed in self._guard.owners else None, passes)
         number = self._counts[key] = self._counts.get(key, 0) + 1
-        if number < self._due.get(key, _EARLY_FRAMES if verdict is Verdict.EARLY else 1):
+        if number < self._next_counts.get(key, _EARLY_FRAMES if verdict is Verdict.EARLY else 1):
             return
-        self._due[key] = number * _REPEAT_FACTOR
+        self._next_counts[key] = number * _REPEAT_FACTOR
         hub, wheel = source
         configured = self._guard.wheels.get((hub, wheel))
         subject = (
@@ -358,22 +358,22 @@ class _RefusalReports:
         verdict: Verdict,
         claimed: str | None,
         count: int,
-        earlier: _EarlierStart | None,
+        earlier_start: _EarlierStart | None,
         consequence: Reason,
     ) -> Reason:
-        if verdict is Verdict.EARLIER_START and earlier is not None:
-            signer = _signer(earlier.identity)
+        if verdict is Verdict.EARLIER_START and earlier_start is not None:
+            signer = _signer(earlier_start.identity)
             origin = (
-                Reason(SecurityCode.SIGNER, who="sensor_at_hub", signer=signer, hub=earlier.hub)
-                if earlier.hub
+                Reason(SecurityCode.SIGNER, who="sensor_at_hub", signer=signer, hub=earlier_start.hub)
+                if earlier_start.hub
                 else signer
             )
             return Reason(
                 SecurityCode.FRAME_EARLIER_START,
                 signer=origin,
-                start=earlier.start,
-                latest=earlier.latest,
-                identity=earlier.identity,
+                start=earlier_start.start,
+                latest=earlier_start.latest,
+                identity=earlier_start.identity,
                 count=count,
                 consequence=consequence,
             )
@@ -432,9 +432,9 @@ def open_guard(vehicle: VehicleConfig | None, key_file: Path | None, *, remember
         if key_file is None:
             return None
         stored_keys(key_file)
-        why = "there is no configuration" if vehicle is None else "the configuration has the policy off"
+        cause = "there is no configuration" if vehicle is None else "the configuration has the policy off"
         raise SecurityError(
-            f"the keys of '{key_file}' would verify nothing: {why}",
+            f"the keys of '{key_file}' would verify nothing: {cause}",
             'Set policy = "warn" or "require" under [security] of the vehicle file, or leave out --keys.',
         )
     stored = stored_keys(key_file)

@@ -99,8 +99,8 @@ class _Greeter:
             if hub is None:
                 continue
             message = frame.message
-            repeated = isinstance(message, CommandResult) and self._commands.resynchronise(hub, message)
-            if repeated:
+            is_repeated = isinstance(message, CommandResult) and self._commands.resynchronise(hub, message)
+            if is_repeated:
                 self._greeted.pop(hub.hub, None)
             if self._greeted.get(hub.hub) is hub:
                 continue
@@ -109,7 +109,7 @@ class _Greeter:
                 for command in self._settings():
                     with suppress(OverflowError):  # no counter is left in this start; the hub streams all the same
                         self._source.send(self._commands.frame(command, hub)[1])
-            elif (repeated or isinstance(message, Hello)) and self._commands.may_answer_hello(
+            elif (is_repeated or isinstance(message, Hello)) and self._commands.may_answer_hello(
                 hub, self._clock.now_ns()
             ):
                 self._answer_hello(hub)
@@ -180,8 +180,8 @@ def execute(
             if isinstance(item, LinkEvent):
                 if item.kind is LinkEventKind.CONNECTED:
                     exchange.begin()
-                    due = (exchange, clock, clock.now_ns(), timeout_s, stop)
-                    threading.Thread(target=_repeat, args=due, name="command", daemon=True).start()
+                    repeat_args = (exchange, clock, clock.now_ns(), timeout_s, stop)
+                    threading.Thread(target=_repeat, args=repeat_args, name="command", daemon=True).start()
                 elif item.kind is LinkEventKind.LOST:
                     raise SourceError(item.text, "Try again.")
             elif exchange.read(item.data):

@@ -15,7 +15,7 @@ from gateway.security.private_file import keep_from_core_dumps, locked, read_pri
 SENSOR_DIGITS: Final = 8
 HUB_DIGITS: Final = 16
 _LINE: Final = re.compile(r"([0-9a-fA-F]+)[ \t]+([0-9a-fA-F]{32})")
-_MOST_BYTES: Final = 16 << 20
+_MAX_BYTES: Final = 16 << 20
 _HEADER: Final = "# Keys of treadlink: serial number of a sensor (8 digits) or hub (16), key. Keep it secret.\n"
 
 
@@ -101,7 +101,7 @@ class KeyFile:
         """
         self.path = path
         keep_from_core_dumps()
-        text = read_private(path, _MOST_BYTES)
+        text = read_private(path, _MAX_BYTES)
         self.keys: dict[str, Key] = dict(parse_keys(text, str(path))) if text is not None else {}
 
     def make(self, identity: str, *, replace: bool = False) -> Key:

@@ -66,8 +66,8 @@ def _check(path: Path, status: os.stat_result) -> None:
 def keep_from_core_dumps() -> None:
     """Make a crash of this process, and of those it starts, leave no core file: it would contain the keys."""
     if sys.platform != "win32":
-        _, hard = resource.getrlimit(resource.RLIMIT_CORE)
-        resource.setrlimit(resource.RLIMIT_CORE, (0, hard))
+        _, hard_limit = resource.getrlimit(resource.RLIMIT_CORE)
+        resource.setrlimit(resource.RLIMIT_CORE, (0, hard_limit))
 
 
 def write_private(path: Path, text: str) -> None:

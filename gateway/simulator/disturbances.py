@@ -37,23 +37,23 @@ class EdgeJitter:
         turn = np.floor(angle_rad / (2.0 * math.pi) + 0.5)
         turns = turn.astype(np.int64)
         self._draw(int(turns[0]), int(turns[-1]))
-        within = angle_rad - 2.0 * math.pi * turn
-        moved = angle_rad.copy()
+        angle_in_turn_rad = angle_rad - 2.0 * math.pi * turn
+        shifted_rad = angle_rad.copy()
         inside_rad = max(min(_REACH_RAD, edges_rad[1] - edges_rad[0]), _LEAST_RAD)
         for edge, (before_rad, behind_rad) in enumerate(((_REACH_RAD, inside_rad), (inside_rad, _REACH_RAD))):
-            from_edge = within - edges_rad[edge]
-            near = np.clip(np.where(from_edge < 0.0, from_edge / before_rad, from_edge / behind_rad), -1.0, 1.0)
+            from_edge = angle_in_turn_rad - edges_rad[edge]
+            scaled = np.clip(np.where(from_edge < 0.0, from_edge / before_rad, from_edge / behind_rad), -1.0, 1.0)
             shift = self._shifts[turns - self._from, edge]
-            moved += shift * 0.5 * (1.0 + np.cos(math.pi * near))
-        return moved
+            shifted_rad += shift * 0.5 * (1.0 + np.cos(math.pi * scaled))
+        return shifted_rad
 
     def _draw(self, first: int, last: int) -> None:
         """Draw the shifts of revolutions `first` to `last` and drop earlier ones."""
         drawn_until = self._from + len(self._shifts)
         if not len(self._shifts):
             self._from = drawn_until = first
-        fresh = self._rng.standard_normal((max(0, last + 1 - drawn_until), 2)) * self._deviations
-        self._shifts = np.concatenate([self._shifts[first - self._from :], fresh])
+        drawn = self._rng.standard_normal((max(0, last + 1 - drawn_until), 2)) * self._deviations
+        self._shifts = np.concatenate([self._shifts[first - self._from :], drawn])
         self._from = first
 
 

@@ -19,17 +19,17 @@ class Biquad:
         """Take (b0, b1, b2) and (a1, a2)."""
         self._b = forward
         self._a = feedback
-        self._past: tuple[FloatArray, FloatArray] | None = None
+        self._state: tuple[FloatArray, FloatArray] | None = None
 
     def __call__(self, block: FloatArray) -> FloatArray:
         """Filter the next block (n, channels); n may be 0."""
         if not len(block):
             return block
         (b0, b1, b2), (a1, a2) = self._b, self._a
-        if self._past is None:
+        if self._state is None:
             gain = (b0 + b1 + b2) / (1.0 + a1 + a2)
-            self._past = np.repeat(block[:1], 2, axis=0), gain * np.repeat(block[:1], 2, axis=0)
-        past_in, past_out = self._past
+            self._state = np.repeat(block[:1], 2, axis=0), gain * np.repeat(block[:1], 2, axis=0)
+        past_in, past_out = self._state
         source = np.concatenate([past_in, block])
         driven = b0 * source[2:] + b1 * source[1:-1] + b2 * source[:-2]
         driven[0] -= a1 * past_out[1] + a2 * past_out[0]
@@ -39,7 +39,7 @@ class Biquad:
         out, info = dtbtrs(band, driven, uplo="L")
         if info != 0:
             raise FloatingPointError("a filter's recursion cannot be solved")
-        self._past = source[-2:], np.concatenate([past_out, out])[-2:]
+        self._state = source[-2:], np.concatenate([past_out, out])[-2:]
         filtered: FloatArray = out
         return filtered
 
@@ -74,12 +74,12 @@ def loose_mass(resonance_hz: float, quality: float, rate_hz: float) -> Biquad:
     delay and curvature at low frequencies exact: a bilinear transform warps them, for 2.5 kHz at 9600 Hz by 40 % of
     T - 1.
     """
-    turn = 2.0 * math.pi * resonance_hz / rate_hz
-    pole = cmath.exp(turn * (-0.5 / quality + 1j * math.sqrt(max(1.0 - 0.25 / quality**2, 0.0))))
+    step_rad = 2.0 * math.pi * resonance_hz / rate_hz
+    pole = cmath.exp(step_rad * (-0.5 / quality + 1j * math.sqrt(max(1.0 - 0.25 / quality**2, 0.0))))
     a1, a2 = -2.0 * pole.real, abs(pole) ** 2
     # Moments of b: those of a, the second with T = 1 + x^2 + ...
     gain = 1.0 + a1 + a2
-    delay, curvature = a1 + 2.0 * a2, a1 + 4.0 * a2 - 2.0 * gain / turn**2
+    delay, curvature = a1 + 2.0 * a2, a1 + 4.0 * a2 - 2.0 * gain / step_rad**2
     b2 = 0.5 * (curvature - delay)
     b1 = delay - 2.0 * b2
     return Biquad((gain - b1 - b2, b1, b2), (a1, a2))

@@ -62,7 +62,7 @@ class TimedFrame(NamedTuple):
     data: bytes
 
 
-class _Due(NamedTuple):
+class _Outgoing(NamedTuple):
     """A message to be sent: its true time, wheel and hub time stamp (us)."""
 
     time_s: float
@@ -111,7 +111,7 @@ class HubSimulator:
         """Return the hub's clock in us at a true time."""
         return round((self._hub.uptime_s + time_s * (1.0 + self._hub.clock_ppm * 1e-6)) * 1e6)
 
-    def _encoded(self, item: _Due) -> TimedFrame:
+    def _encoded(self, item: _Outgoing) -> TimedFrame:
         message = item.message
         if isinstance(message, HubStatus):
             message = message._replace(frames_sent=self._sent & _MASK)
@@ -124,24 +124,24 @@ class HubSimulator:
             data = self._signer(data, self._identities[item.wheel], self._hub.boot_count)
         return TimedFrame(item.time_s, data)
 
-    def _periodic(self, begin_s: float, end_s: float) -> Iterator[_Due]:
+    def _periodic(self, begin_s: float, end_s: float) -> Iterator[_Outgoing]:
         if begin_s == 0.0:
-            yield self._due(0.0, HUB_ITSELF, MessageType.LOG_TEXT, LogText(LogLevel.INFO, self._title))
+            yield self._outgoing(0.0, HUB_ITSELF, MessageType.LOG_TEXT, LogText(LogLevel.INFO, self._title))
         for time_s in _times(begin_s, end_s, wire.HELLO_PERIOD_S):
             for wheel in self._wheels:
-                yield self._due(time_s, wheel.plan.wheel, MessageType.HELLO, hello_of(wheel))
+                yield self._outgoing(time_s, wheel.plan.wheel, MessageType.HELLO, hello_of(wheel))
         for time_s in _times(begin_s, end_s, wire.ENVIRONMENT_PERIOD_S):
             for wheel in self._wheels:
                 pressure, temperature = wheel.plan.told_pressure_pa(time_s), wheel.plan.temperature_degc.at(time_s)
                 message = Environment(pressure, temperature, SENSOR_SUPPLY_V)
-                yield self._due(time_s, wheel.plan.wheel, MessageType.ENVIRONMENT, message)
+                yield self._outgoing(time_s, wheel.plan.wheel, MessageType.ENVIRONMENT, message)
         for time_s in _times(begin_s, end_s, wire.HUB_STATUS_PERIOD_S):
-            yield self._due(time_s, HUB_ITSELF, MessageType.HUB_STATUS, self._status(time_s))
+            yield self._outgoing(time_s, HUB_ITSELF, MessageType.HUB_STATUS, self._status(time_s))
         for time_s in _times(begin_s, end_s, wire.TIME_SYNC_PERIOD_S):
-            yield self._due(time_s, HUB_ITSELF, MessageType.TIME_SYNC, TimeSync(self._tick(time_s), 0))
+            yield self._outgoing(time_s, HUB_ITSELF, MessageType.TIME_SYNC, TimeSync(self._tick(time_s), 0))
 
-    def _due(self, time_s: float, wheel: int, type_: MessageType, message: Message) -> _Due:
-        return _Due(time_s, wheel, self._tick(time_s), type_, message)
+    def _outgoing(self, time_s: float, wheel: int, type_: MessageType, message: Message) -> _Outgoing:
+        return _Outgoing(time_s, wheel, self._tick(time_s), type_, message)
 
     def _status(self, time_s: float) -> HubStatus:
         hub = self._hub
@@ -173,17 +173,17 @@ class _Pending:
         self._first = 0
         self._counts: NDArray[np.int16] = np.empty((0, self._axes.bit_count()), np.int16)
 
-    def blocks(self, until_s: float, tick: Callable[[float], int]) -> Iterator[_Due]:
+    def blocks(self, until_s: float, tick: Callable[[float], int]) -> Iterator[_Outgoing]:
         """Yield the full frames up to `until_s`; each is sent when its last sample has been taken."""
         rate = self._wheel.plan.sample_rate_hz
-        fresh = self._wheel.advance(until_s)
-        counts = np.concatenate([self._counts, fresh.counts])
+        samples = self._wheel.advance(until_s)
+        counts = np.concatenate([self._counts, samples.counts])
         full = len(counts) // self._size * self._size
         for offset in range(0, full, self._size):
             first = self._first + offset
             block = SampleBlock(first & _MASK, self._axes, counts[offset : offset + self._size])
             ready_s = (first + self._size - 1) / rate
-            yield _Due(ready_s, self._wheel.plan.wheel, tick(first / rate), MessageType.SAMPLES, block)
+            yield _Outgoing(ready_s, self._wheel.plan.wheel, tick(first / rate), MessageType.SAMPLES, block)
         self._first += full
         self._counts = counts[full:]
 

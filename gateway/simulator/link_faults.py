@@ -129,16 +129,16 @@ def _relived(life: _Life, frame: Frame) -> list[bytes]:
         life.tick_zero_us = (frame.tick_us - _BOOT_US) & _MASK
         for wheel, hello in sorted(life.hellos.items()):
             parts.append(_encoded(life, MessageType.HELLO, frame.hub, wheel, 0, hello))
-    now = (frame.tick_us - life.tick_zero_us) & _MASK
+    uptime_us = (frame.tick_us - life.tick_zero_us) & _MASK
     message = frame.message
     if isinstance(message, SampleBlock):
         zero = life.sample_zero.setdefault(frame.wheel, message.first_sample)
         message = message._replace(first_sample=(message.first_sample - zero) & _MASK)
     elif isinstance(message, TimeSync):
-        message = message._replace(hub_us=now)
+        message = message._replace(hub_us=uptime_us)
     elif isinstance(message, HubStatus):
-        message = message._replace(uptime_s=now // 1_000_000, frames_sent=sum(life.next_seq.values()))
-    parts.append(_encoded(life, frame.type, frame.hub, frame.wheel, now, message))
+        message = message._replace(uptime_s=uptime_us // 1_000_000, frames_sent=sum(life.next_seq.values()))
+    parts.append(_encoded(life, frame.type, frame.hub, frame.wheel, uptime_us, message))
     return parts
 
 
@@ -299,21 +299,21 @@ def _hits(fault: Fault) -> bool:
 def _reorder(fault: Fault, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
     """Hold a frame back until `depth` further frames have passed."""
     depth = int(fault.options["depth"])
-    held: list[tuple[int, Piece]] = []
-    link, host_ns, passed = "", 0, 0
+    delayed: list[tuple[int, Piece]] = []
+    link, host_ns, frame_count = "", 0, 0
     for link, host_ns, pieces in frame_pieces(chunks):
         parts: list[bytes] = []
         for piece in pieces:
             if piece.whole and _hits(fault):
-                held.append((passed + depth, piece))
+                delayed.append((frame_count + depth, piece))
                 continue
             parts.append(piece.data)
-            passed += piece.whole
-            while held and held[0][0] <= passed:
-                parts.append(held.pop(0)[1].data)
+            frame_count += piece.whole
+            while delayed and delayed[0][0] <= frame_count:
+                parts.append(delayed.pop(0)[1].data)
         yield Chunk(link, host_ns, b"".join(parts))
-    if held:
-        yield Chunk(link, host_ns, b"".join(piece.data for _, piece in held))
+    if delayed:
+        yield Chunk(link, host_ns, b"".join(piece.data for _, piece in delayed))
 
 
 def _split(fault: Fault, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
@@ -486,12 +486,12 @@ def parse_fault(text: str, seed: Sequence[int] | int = 1) -> Fault:
     Raises:
         ValueError: an unknown kind or option, or a value out of range; the message states what is allowed.
     """
-    name, _, rest = text.strip().partition(":")
+    name, _, options_text = text.strip().partition(":")
     kind = FAULTS.get(name)
     if kind is None:
         raise ValueError(f"one of {', '.join(FAULTS)}, as flip:rate=0.01")
     options = {key: option.default for key, option in kind.options.items()}
-    for item in filter(None, (part.strip() for part in rest.split(","))):
+    for item in filter(None, (part.strip() for part in options_text.split(","))):
         key, _, value_text = item.partition("=")
         option = kind.options.get(key)
         if option is None:

@@ -137,12 +137,12 @@ class MotionProfile:
     def at(self, time_s: FloatArray) -> Rolling:
         """Return the motion at `time_s` >= 0."""
         laps = np.zeros_like(time_s)
-        within = time_s
+        in_lap_s = time_s
         if self._period_s:
             laps = np.floor(time_s / self._period_s)
-            within = time_s - laps * self._period_s
-        segment = np.clip(np.searchsorted(self._times, within, side="right") - 1, 0, len(self._slopes) - 1)
-        since = within - self._times[segment]
+            in_lap_s = time_s - laps * self._period_s
+        segment = np.clip(np.searchsorted(self._times, in_lap_s, side="right") - 1, 0, len(self._slopes) - 1)
+        since = in_lap_s - self._times[segment]
         slope = self._slopes[segment]
         speed = self._speeds[segment] + slope * since
         distance = self._distances[segment] + since * (self._speeds[segment] + 0.5 * slope * since)
@@ -151,19 +151,19 @@ class MotionProfile:
     def time_at(self, distance_m: FloatArray) -> FloatArray:
         """Return the first time at which a distance is reached; infinity for distances never reached."""
         laps = np.zeros_like(distance_m)
-        within = distance_m
+        in_lap_m = distance_m
         total = self._distances[-1]
         if self._period_s and total > 0.0:
             # The end belongs to its lap: a lap that ends at standstill reaches its end before the next one begins.
             laps = np.maximum(np.ceil(distance_m / total) - 1.0, 0.0)
             # Rounding may put the end of a lap just beyond it, where a lap that ends at standstill never gets.
-            within = np.clip(distance_m - laps * total, 0.0, total)
-        segment = np.clip(np.searchsorted(self._distances, within, side="left") - 1, 0, len(self._slopes) - 1)
-        remaining_m = within - self._distances[segment]
+            in_lap_m = np.clip(distance_m - laps * total, 0.0, total)
+        segment = np.clip(np.searchsorted(self._distances, in_lap_m, side="left") - 1, 0, len(self._slopes) - 1)
+        remaining_m = in_lap_m - self._distances[segment]
         speed, slope = self._speeds[segment], self._slopes[segment]
         # v t + a t^2 / 2 = remaining_m, in the form that also holds for a = 0.
         root = np.sqrt(np.maximum(speed**2 + 2.0 * slope * remaining_m, 0.0))
         with np.errstate(divide="ignore", invalid="ignore"):
             since = np.where(remaining_m > 0.0, 2.0 * remaining_m / (speed + root), 0.0)
-        reached = within <= total
+        reached = in_lap_m <= total
         return np.where(reached, self._times[segment] + since + laps * self._period_s, np.inf)

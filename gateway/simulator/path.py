@@ -37,8 +37,8 @@ def speed_beside(speed_kmh: Series, yaw_radps: Series, left_m: float) -> Series:
     times = np.union1d(speed_kmh.times_s, yaw_radps.times_s)
     speeds = np.interp(times, speed_kmh.times_s, speed_kmh.values)
     yaw = np.interp(times, yaw_radps.times_s, yaw_radps.values)
-    beside = np.maximum(speeds - 3.6 * left_m * yaw, 0.0)
-    return Series(tuple(zip(times.tolist(), beside.tolist(), strict=True)))
+    wheel_kmh = np.maximum(speeds - 3.6 * left_m * yaw, 0.0)
+    return Series(tuple(zip(times.tolist(), wheel_kmh.tolist(), strict=True)))
 
 
 @dataclass(frozen=True, slots=True)

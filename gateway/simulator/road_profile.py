@@ -94,9 +94,9 @@ class QuarterCar:
         frequency = np.geomspace(_LOWEST_PER_M * speed_mps, 10.0 * speed_mps, 4000)
         s = 2j * np.pi * frequency
         (a1, a0), (b1, b0) = self.poles()
-        both = self.sprung_kg + self.unsprung_kg
+        mass = self.sprung_kg + self.unsprung_kg
         product = self.sprung_kg * self.unsprung_kg
-        deflection = s**2 / (s**2 + a1 * s + a0) * (s**2 + both / product * (self.damper_nspm * s + self.spring_npm))
+        deflection = s**2 / (s**2 + a1 * s + a0) * (s**2 + mass / product * (self.damper_nspm * s + self.spring_npm))
         deflection /= s**2 + b1 * s + b0
         height = density_m3 / speed_mps * (frequency / speed_mps / REFERENCE_PER_M) ** -waviness
         return self.tire_npm * math.sqrt(float(np.trapezoid(np.abs(deflection) ** 2 * height, frequency)))
@@ -138,11 +138,11 @@ class RoadRide:
         self._profile = profile
         self._tire_npm = car.tire_npm
         body, hop = car.poles()
-        both, product = car.sprung_kg + car.unsprung_kg, car.sprung_kg * car.unsprung_kg
+        mass, product = car.sprung_kg + car.unsprung_kg, car.sprung_kg * car.unsprung_kg
         ratio = car.tire_npm / product
         self._body = _section((1.0, 0.0, 0.0), body, rate_hz)
         self._deflection = _section(
-            (1.0, both / product * car.damper_nspm, both / product * car.spring_npm), hop, rate_hz
+            (1.0, mass / product * car.damper_nspm, mass / product * car.spring_npm), hop, rate_hz
         )
         self._hub = _section((ratio * car.sprung_kg, ratio * car.damper_nspm, ratio * car.spring_npm), hop, rate_hz)
 

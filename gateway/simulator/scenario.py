@@ -20,10 +20,10 @@ _SUFFIX = ".toml"
 def scenario_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
     """Yield the inconsistencies between keys."""
     wheels = [wheel for _, wheel in as_tables(data.get("wheel"))]
-    taken = "another wheel has the same; they must be unique"
-    yield from _repeated("wheel", "position", [show(wheel.get("position")) for wheel in wheels], taken)
+    duplicate = "another wheel has the same; they must be unique"
+    yield from _repeated("wheel", "position", [show(wheel.get("position")) for wheel in wheels], duplicate)
     addresses = [f"hub = {show(wheel.get('hub', 0))}, wheel = {show(wheel.get('wheel'))}" for wheel in wheels]
-    yield from _repeated("wheel", "wheel", addresses, taken)
+    yield from _repeated("wheel", "wheel", addresses, duplicate)
     hubs = [show(hub.get("hub")) for _, hub in as_tables(data.get("hub"))]
     yield from _repeated("hub", "hub", hubs, "another table describes this hub too; keep only one")
     yield from _section_faults("", data, data)
@@ -52,7 +52,7 @@ def _rate_faults(
     limited = {"sensor": ("bandwidth_hz", "; leave it out for full bandwidth"), "defect": ("loose_hz", "")}
     for section, (key, remedy) in limited.items():
         value = _number(merged[section].get(key))
-        is_stated = _given(overrides["sensor"], "rate_hz") or _given(overrides[section], key)
+        is_stated = _has_any(overrides["sensor"], "rate_hz") or _has_any(overrides[section], key)
         if is_stated and value > 0.45 * rate:
             yield Fault(
                 f"{where}{section}.{key}", show(value), f"allowed: up to 0.45 of rate_hz, {0.45 * rate:g}{remedy}"
@@ -61,11 +61,11 @@ def _rate_faults(
 
 def _tire_faults(where: str, overrides: Mapping[str, Any], tire: Mapping[str, Any]) -> Iterator[Fault]:
     wear, thickness = _number(tire.get("wear_mm", 0.0)), _number(tire.get("ring_thickness_mm", 15.0))
-    if _given(overrides, "wear_mm", "ring_thickness_mm") and wear > 0.8 * thickness:
+    if _has_any(overrides, "wear_mm", "ring_thickness_mm") and wear > 0.8 * thickness:
         allowed = f"allowed: up to 0.8 of ring_thickness_mm, {0.8 * thickness:g}"
         yield Fault(f"{where}tire.wear_mm", show(wear), allowed)
     drum, radius = _number(tire.get("drum_radius_mm")), _number(tire.get("radius_mm", 320.0))
-    if _given(overrides, "drum_radius_mm", "radius_mm") and -radius <= drum <= 0.0:
+    if _has_any(overrides, "drum_radius_mm", "radius_mm") and -radius <= drum <= 0.0:
         allowed = f"allowed: above 0, or below -radius_mm = {-radius:g} for an inner drum"
         yield Fault(f"{where}tire.drum_radius_mm", show(drum), allowed)
 
@@ -73,19 +73,19 @@ def _tire_faults(where: str, overrides: Mapping[str, Any], tire: Mapping[str, An
 def _motion_faults(where: str, overrides: Mapping[str, Any], motion: Mapping[str, Any]) -> Iterator[Fault]:
     paths = [name for name in ("yaw_rate_degps", "curvature_pkm") if name in motion]
     repeats = motion.get("repeat") is True
-    if paths and repeats and _given(overrides, "repeat", *paths):
+    if paths and repeats and _has_any(overrides, "repeat", *paths):
         yield Fault(f"{where}motion.{paths[0]}", show(motion[paths[0]]), "a repeated speed has no path")
-    if len(paths) > 1 and _given(overrides, *paths):
+    if len(paths) > 1 and _has_any(overrides, *paths):
         yield Fault(f"{where}motion.curvature_pkm", show(motion["curvature_pkm"]), "state one: this or yaw_rate_degps")
     speed = motion.get("speed_kmh")
-    if repeats and _given(overrides, "repeat", "speed_kmh") and isinstance(speed, list) and len(speed) > 1:
+    if repeats and _has_any(overrides, "repeat", "speed_kmh") and isinstance(speed, list) and len(speed) > 1:
         ends = [point[1] for point in (speed[0], speed[-1]) if isinstance(point, list) and len(point) == 2]
         if len(ends) == 2 and ends[0] != ends[1]:
             allowed = "a repeated speed must end at the value it starts with"
             yield Fault(f"{where}motion.speed_kmh", show(speed), allowed)
 
 
-def _given(table: Mapping[str, Any], *names: str) -> bool:
+def _has_any(table: Mapping[str, Any], *names: str) -> bool:
     return any(name in table for name in names)
 
 
@@ -149,8 +149,8 @@ def vehicle_toml(scenario: Scenario, *, signed: bool = False) -> str:
     wheels = []
     for wheel, plan in zip(scenario.wheels(), wheel_plans(scenario), strict=True):
         tire, sensor, stated = wheel.tire, wheel.sensor, wheel.stated
-        load_n = _said(stated.load_n, wheel.load_n.at(0.0))
-        pressure_kpa = _said(stated.pressure_kpa, wheel.pressure_kpa.at(0.0))
+        load_n = _stated_or(stated.load_n, wheel.load_n.at(0.0))
+        pressure_kpa = _stated_or(stated.pressure_kpa, wheel.pressure_kpa.at(0.0))
         wheels.append(
             {
                 "position": wheel.position,
@@ -161,7 +161,7 @@ def vehicle_toml(scenario: Scenario, *, signed: bool = False) -> str:
                 "load_std_n": round(_MEASURED_STD * load_n, 3),
                 "tire": {
                     **({"size": tire.size} if tire.size else {}),
-                    "radius_mm": _said(stated.radius_mm, tire.radius_mm),
+                    "radius_mm": _stated_or(stated.radius_mm, tire.radius_mm),
                     "pressure_kpa": pressure_kpa,
                     "pressure_std_kpa": round(_MEASURED_STD * pressure_kpa, 3),
                     "temperature_degc": wheel.temperature_degc.at(0.0),
@@ -181,9 +181,9 @@ def vehicle_toml(scenario: Scenario, *, signed: bool = False) -> str:
                     },
                 },
                 "mounting": {
-                    "offset_mm": _said(stated.offset_mm, sensor.offset_mm),
-                    "roll_deg": _said(stated.roll_deg, _meant(sensor.roll_deg)),
-                    "pitch_deg": _said(stated.pitch_deg, _meant(sensor.pitch_deg)),
+                    "offset_mm": _stated_or(stated.offset_mm, sensor.offset_mm),
+                    "roll_deg": _stated_or(stated.roll_deg, _meant(sensor.roll_deg)),
+                    "pitch_deg": _stated_or(stated.pitch_deg, _meant(sensor.pitch_deg)),
                 },
             }
         )
@@ -191,7 +191,7 @@ def vehicle_toml(scenario: Scenario, *, signed: bool = False) -> str:
     return toml_text({"vehicle": {"name": scenario.scenario.name}, "wheel": wheels, **security})
 
 
-def _said(stated: float | None, true: float) -> float:
+def _stated_or(stated: float | None, true: float) -> float:
     return true if stated is None else stated
 
 

@@ -43,8 +43,8 @@ class SensorDefect:
             return
         for channel in self._hit:
             if (stuck := int(np.searchsorted(time_s, self._stuck_s))) < len(counts):
-                held = counts[stuck - 1] if stuck else counts[0] if self._last is None else self._last
-                counts[stuck:, channel] = held[channel]
+                frozen = counts[stuck - 1] if stuck else counts[0] if self._last is None else self._last
+                counts[stuck:, channel] = frozen[channel]
             counts[int(np.searchsorted(time_s, self._dead_s)) :, channel] = 0
         self._last = counts[-1].copy()
 

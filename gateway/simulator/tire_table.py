@@ -64,8 +64,8 @@ def with_runout(
     points = [solve(load_n + swing_n * share) if share else middle for share in _SWING.tolist()]
     theta = np.linspace(-math.pi, math.pi, len(middle.planar))
     lower_m = np.array([middle.ring.axle_height_m - point.ring.axle_height_m for point in points])
-    weights = _held(lower_m, height_m * np.cos(theta + offset_rad))
-    at_edges = _held(lower_m, height_m * np.cos(middle.edges_rad + offset_rad))
+    weights = _clamped_weights(lower_m, height_m * np.cos(theta + offset_rad))
+    at_edges = _clamped_weights(lower_m, height_m * np.cos(middle.edges_rad + offset_rad))
     planar = np.einsum("tp,ptc->tc", weights, np.stack([point.planar for point in points]))
     planar[:, 0] *= 1.0 + height_m / middle.ring.ring.radius_m * math.cos(offset_rad)
     return SolvedPoint(
@@ -126,20 +126,20 @@ class TireTable:
         # Slip bends the belt laterally only, so the planar columns need no table for it.
         self._lateral = np.empty((points * len(self._slips), TABLE_ANGLES + 1), np.float32)
         self._edges = np.empty((points, 2))
-        near: RingSolution | None = None
+        start: RingSolution | None = None
         for row, indices in enumerate(np.ndindex(*shape)):
             load, pressure, omega = (float(axis[i]) for axis, i in zip(self._axes, indices, strict=True))
-            point = self._point(load, pressure, omega, near)
-            near = point.ring
+            point = self._point(load, pressure, omega, start)
+            start = point.ring
             self._planar[row] = point.planar.reshape(-1)
             self._lateral[row * len(self._slips) : (row + 1) * len(self._slips)] = point.lateral.T
             self._edges[row] = point.edges_rad
 
-    def _point(self, load_n: float, pressure_pa: float, omega_radps: float, near: RingSolution | None) -> SolvedPoint:
+    def _point(self, load_n: float, pressure_pa: float, omega_radps: float, start: RingSolution | None) -> SolvedPoint:
         """Return the tire under one set of conditions, run-out included."""
 
         def solve(load_n: float) -> SolvedPoint:
-            ring = self.tire.solve(load_n, pressure_pa, omega_radps, near)
+            ring = self.tire.solve(load_n, pressure_pa, omega_radps, start)
             lateral = [self.tire.solve_lateral(ring, float(slip)).lateral_m for slip in self._slips]
             edges = np.array([ring.leading_edge_rad, ring.trailing_edge_rad])
             planar = self._fine(ring)
@@ -193,10 +193,10 @@ class TireTable:
     ) -> WaveformTable:
         """Return the waveform under given conditions."""
         weights = self._weights((load_n, pressure_pa, omega_radps))
-        both = np.outer(weights, _held(self._slips, slip_angle_rad)).reshape(-1)
+        lateral_weights = np.outer(weights, _clamped_weights(self._slips, slip_angle_rad)).reshape(-1)
         wave: WaveformTable = np.empty((TABLE_ANGLES + 1, COLUMNS), np.float32)
         wave[:, :LATERAL] = _mixed(weights, self._planar).reshape(-1, LATERAL)
-        wave[:, LATERAL] = _mixed(both, self._lateral)
+        wave[:, LATERAL] = _mixed(lateral_weights, self._lateral)
         return wave
 
     def by_load(
@@ -215,7 +215,7 @@ class TireTable:
         """Return the weight of every solved point."""
         weights = np.ones(1)
         for axis, value in zip(self._axes, conditions, strict=True):
-            weights = np.outer(weights, _held(axis, value)).reshape(-1)
+            weights = np.outer(weights, _clamped_weights(axis, value)).reshape(-1)
         return weights
 
 
@@ -270,14 +270,14 @@ def _chebyshev(extent: Range, count: int) -> FloatArray:
     return 0.5 * (extent.low + extent.high) - 0.5 * (extent.high - extent.low) * np.cos(angles)
 
 
-def _held(nodes: FloatArray, values: FloatArray | float) -> FloatArray:
+def _clamped_weights(nodes: FloatArray, values: FloatArray | float) -> FloatArray:
     """Return the weights of the nodes' values at `values`, held at the ends of the range, (..., nodes)."""
     return polynomial_weights(nodes, np.clip(values, nodes[0], nodes[-1]))
 
 
 def load_weights(loads_n: FloatArray, at_n: FloatArray) -> NDArray[np.float32]:
     """Return (n, nodes) weights of the waveforms of `TireTable.by_load` at n loads, held at the ends of the range."""
-    return _held(loads_n, at_n).astype(np.float32)
+    return _clamped_weights(loads_n, at_n).astype(np.float32)
 
 
 def _interpolated(coarse: FloatArray) -> FloatArray:

@@ -62,9 +62,9 @@ class FileWindow:
         """
         end = min(end, self._size)
         while end - first >= pattern_bytes:
-            rest = self._start + len(self._window) - first
+            remaining = self._start + len(self._window) - first
             # What the window already contains is searched first: most matches are near.
-            length = rest if self._start <= first and rest >= pattern_bytes else WINDOW_BYTES
+            length = remaining if self._start <= first and remaining >= pattern_bytes else WINDOW_BYTES
             view = self.part(first, min(first + length, end))
             match = pattern.search(view)
             if match is not None:

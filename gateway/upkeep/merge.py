@@ -53,7 +53,7 @@ class _Once:
 
     def __init__(self) -> None:
         self.repeated = self.noise_bytes = 0
-        self._seen: OrderedDict[int, None] = OrderedDict()
+        self._hashes: OrderedDict[int, None] = OrderedDict()
         self._tails: dict[int, bytes] = {}
 
     def new_frames(self, recording: int, data: bytes) -> bytes:
@@ -67,13 +67,13 @@ class _Once:
                 break
             frame = buffer[begin:end]
             key = hash(frame)
-            if key in self._seen:
+            if key in self._hashes:
                 self.repeated += 1
             else:
                 frames.append(frame)
-                self._seen[key] = None
-                if len(self._seen) > _REMEMBERED_FRAMES:
-                    self._seen.popitem(last=False)
+                self._hashes[key] = None
+                if len(self._hashes) > _REMEMBERED_FRAMES:
+                    self._hashes.popitem(last=False)
             start = end
         self._tails[recording] = buffer[start:]
         return b"".join(frames)

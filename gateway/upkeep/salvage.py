@@ -211,7 +211,7 @@ class Salvage:
         try:
             if opcode == Opcode.CHUNK:
                 chunk = self._chunk_head(body, end)
-                return _near(chunk.end_time_ns, base.values())
+                return _fits(chunk.end_time_ns, base.values())
             if end > self.size:
                 return False
             if opcode == Opcode.DATA_END:
@@ -225,7 +225,7 @@ class Salvage:
             return False
         if isinstance(record, MessageIndex):
             return all(
-                _near(time_ns, base.values()) and offset < MAX_RECORD_BYTES for time_ns, offset in record.records
+                _fits(time_ns, base.values()) and offset < MAX_RECORD_BYTES for time_ns, offset in record.records
             )
         if isinstance(record, Channel):
             return record.message_encoding in (RAW_ENCODING, JSON_ENCODING)
@@ -233,7 +233,7 @@ class Salvage:
 
     def _in_time(self, number: int, time_ns: int, base: Mapping[int, int]) -> bool:
         if number in base:
-            return _near(time_ns, [base[number]])
+            return _fits(time_ns, [base[number]])
         return abs(time_ns - self._usual_ns.get(number, time_ns)) <= _MAX_STEP_FORWARD_NS
 
     def _chunk_head(self, body: int, end: int) -> ChunkParts:
@@ -316,7 +316,7 @@ class Salvage:
         self._usual_ns = {number: sorted(times_ns)[len(times_ns) // 2] for number, times_ns in times.items()}
 
 
-def _near(time_ns: int, bases_ns: Iterable[int]) -> bool:
+def _fits(time_ns: int, bases_ns: Iterable[int]) -> bool:
     """Return whether a time plausibly follows one of the others, or there are no others."""
     bases = tuple(bases_ns)
     return not bases or any(-_MAX_STEP_BACK_NS <= time_ns - base <= _MAX_STEP_FORWARD_NS for base in bases)

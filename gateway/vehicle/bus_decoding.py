@@ -42,7 +42,7 @@ _NO_VALUE: Final = re.compile(
 )
 
 
-class _Wanted(NamedTuple):
+class _Mapped(NamedTuple):
     """A signal that is taken from a message.
 
     Attributes:
@@ -98,11 +98,11 @@ class BusDecoder:
         self.frames = self.undecodable = 0
         # One identifier may mean another thing on another bus: a message counts from the first bus that carries it.
         self._buses: dict[tuple[int, bool], tuple[str, int | None]] = {}
-        self._told: set[tuple[int, bool]] = set()
+        self._reported: set[tuple[int, bool]] = set()
         self._notices: list[tuple[str, Reason]] = []
         database = _database(dbc_text, origin, {setup.message for setup in setups})
         self._extended_mask = _J1939_GROUP if is_j1939 else _WHOLE_ID
-        self._messages: dict[tuple[int, bool], tuple[Any, list[_Wanted]]] = {}
+        self._messages: dict[tuple[int, bool], tuple[Any, list[_Mapped]]] = {}
         signals: list[VehicleSignal] = []
         faults: list[str] = []
         for setup in setups:
@@ -121,7 +121,7 @@ class BusDecoder:
             mapped = self._messages.get(self._key(frame.can_id, frame.is_extended))
             if mapped is None or frame.is_error or frame.is_remote:
                 continue
-            message, wanted = mapped
+            message, signals = mapped
             if not self._is_of_one_bus(item.link, frame, message.name):
                 continue
             try:
@@ -132,7 +132,7 @@ class BusDecoder:
                 _logger.debug("frame %#x cannot be decoded: %s", frame.can_id, error)
                 continue
             self.frames += 1
-            for wanted_signal in wanted:
+            for wanted_signal in signals:
                 value = wanted_signal.value(values.get(wanted_signal.signal.name))
                 if value is not None:
                     yield SignalValue(wanted_signal.key, frame.host_ns, value)
@@ -148,8 +148,8 @@ class BusDecoder:
         first = self._buses.setdefault(key, bus)
         if first == bus:
             return True
-        if key not in self._told:
-            self._told.add(key)
+        if key not in self._reported:
+            self._reported.add(key)
             reason = Reason(
                 VehicleCode.BUS_MESSAGE_TWICE, message=message, first=_bus_name(*first), second=_bus_name(*bus)
             )
@@ -161,33 +161,33 @@ class BusDecoder:
 
     def _find(self, database: Any, setup: SignalSetup, max_age_s: float) -> VehicleSignal | str:
         """Register a signal; return it, or what is wrong."""
-        what = f"vehicle_signals.signal {setup.message}.{setup.signal}"
+        key_path = f"vehicle_signals.signal {setup.message}.{setup.signal}"
         message = next((candidate for candidate in database.messages if candidate.name == setup.message), None)
         if message is None:
             # The database has fewer messages than the file where only the mapped ones are valid.
             names = max([candidate.name for candidate in database.messages], message_names(self.dbc_text), key=len)
-            return f"{what}: no message '{setup.message}'; it has {_some(names)}"
+            return f"{key_path}: no message '{setup.message}'; it has {_listed(names)}"
         signal = next((candidate for candidate in message.signals if candidate.name == setup.signal), None)
         if signal is None:
             names = [candidate.name for candidate in message.signals]
-            return f"{what}: no signal '{setup.signal}' in {setup.message}; it has {_some(names)}"
+            return f"{key_path}: no signal '{setup.signal}' in {setup.message}; it has {_listed(names)}"
         unit_text = setup.unit if setup.unit is not None else (signal.unit or "")
         unit = UNITS.get(unit_text) or _UNITS_ANY_CASE.get(unit_text.strip().lower())
         allowed = UNITS
         if SUFFIXES[setup.quantity] == {"deg"}:
             unit, allowed = POSITION_UNITS.get(unit_text.strip().lower()), POSITION_UNITS
         if unit is None:
-            return f"{what}: unit '{unit_text}' is not known; give unit, one of {', '.join(filter(None, allowed))}"
+            return f"{key_path}: unit '{unit_text}' is not known; give unit, one of {', '.join(filter(None, allowed))}"
         if unit.suffix not in SUFFIXES[setup.quantity]:
-            return f"{what}: unit '{unit_text}' does not fit {setup.quantity}; give the right unit"
+            return f"{key_path}: unit '{unit_text}' does not fit {setup.quantity}; give the right unit"
         vehicle_signal = VehicleSignal(
             signal_name(setup, unit.suffix), setup.quantity, unit.suffix, setup.wheel, setup.relative_std, max_age_s
         )
         key = self._key(message.frame_id, message.is_extended_frame)
-        wanted = self._messages.setdefault(key, (message, []))[1]
+        signals = self._messages.setdefault(key, (message, []))[1]
         low, high = _range(signal, setup)
-        wanted.append(
-            _Wanted(signal, vehicle_signal.key, unit.factor * setup.factor, _no_values(signal, unit.suffix), low, high)
+        signals.append(
+            _Mapped(signal, vehicle_signal.key, unit.factor * setup.factor, _no_values(signal, unit.suffix), low, high)
         )
         return vehicle_signal
 
@@ -243,6 +243,6 @@ def _database(text: str, origin: str, mapped: Collection[str]) -> Any:
         raise ConfigError(f"{origin} cannot be read as a DBC file: {error}", "Check the file.") from error
 
 
-def _some(names: Sequence[str]) -> str:
+def _listed(names: Sequence[str]) -> str:
     more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
     return (", ".join(names[:_LISTED]) or "none") + more

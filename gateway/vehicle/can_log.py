@@ -105,22 +105,22 @@ def _library_frames(path: Path, offset_ns: int, suffix: str) -> Iterator[BusFram
     # Vector counts channels from 1, python-can from 0.
     first_channel = 1 if suffix in ("asc", "blf") else 0
     before_s = source.file.before_s if suffix == "asc" else 0.0
-    with source as reader, _passed_over(suffix) as messages:
+    with source as reader, _collected_warnings(suffix) as messages:
         for message in reader:
             channel = channel_number(message.channel)
             channel = None if channel is None else channel + first_channel
             yield frame_of(message, offset_ns + round((message.timestamp - before_s) * 1e9), channel)
         if suffix == "asc" and source.file.unread:
             raise ValueError(f"{source.file.unread} lines are none of an ASC log, the first is {source.file.first}")
-        stated = getattr(reader, "file_size", 0) if suffix == "blf" else 0
+        stated_bytes = getattr(reader, "file_size", 0) if suffix == "blf" else 0
     if messages:
         raise ValueError(f"{len(messages)} lines cannot be read: {messages[0]}")
-    if stated > path.stat().st_size:
-        raise ValueError(f"the file is cut: it has {path.stat().st_size} of {stated} bytes")
+    if stated_bytes > path.stat().st_size:
+        raise ValueError(f"the file is cut: it has {path.stat().st_size} of {stated_bytes} bytes")
 
 
 @contextmanager
-def _passed_over(suffix: str) -> Iterator[list[str]]:
+def _collected_warnings(suffix: str) -> Iterator[list[str]]:
     """Collect what python-can warns of while it reads, which then does not go to the screen."""
     messages: list[str] = []
 
@@ -172,7 +172,7 @@ class _AscLines:
         self.unread = self.first = 0
         self._is_relative = self._is_data = False
         self._time_s = 0.0
-        self._rest = self._lines()
+        self._remaining_lines = self._lines()
         first = [match for line in _first_lines(path, 200) if (match := _ASC_STAMP.match(line))]
         lowest_s = min((float(match[2]) for match in first), default=0.0)
         if lowest_s < 0.0:
@@ -180,7 +180,7 @@ class _AscLines:
 
     def __iter__(self) -> Iterator[str]:
         """Go on where the last loop has ended, as a file does."""
-        return self._rest
+        return self._remaining_lines
 
     def _lines(self) -> Iterator[str]:
         for number, line in enumerate(self._file, 1):
@@ -230,17 +230,17 @@ def _console_frames(path: Path, offset_ns: int) -> Iterator[BusFrame]:
                                  f"(time) can0 123 [4] 11 22 33 44")  # fmt: skip
             if match["time"] is None:
                 raise ValueError(f"line {number} has no time: record with candump -l, or with -ta")
-            number_id, rest = int(match["id"], 16), match["rest"]
-            is_error = "ERRORFRAME" in rest
+            number_id, payload_text = int(match["id"], 16), match["rest"]
+            is_error = "ERRORFRAME" in payload_text
             last_ns = _console_ns(match["time"].strip(), number) + (last_ns if is_since_last else 0)
-            data = bytes(int(byte, 16) for byte in _bytes_of(rest, int(match["length"])))
+            data = bytes(int(byte, 16) for byte in _bytes_of(payload_text, int(match["length"])))
             yield BusFrame(
                 offset_ns + last_ns,
                 number_id & (_ERROR_ID - 1) if is_error else number_id,
                 len(match["id"]) > _EXTENDED_DIGITS and not is_error,
                 data,
                 len(match["length"]) > 1,
-                is_remote="remote request" in rest,
+                is_remote="remote request" in payload_text,
                 is_error=is_error,
                 channel=channel_number(match["bus"]),
             )

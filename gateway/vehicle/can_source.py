@@ -239,9 +239,9 @@ class CanFileSource(LogFile):
         if not channels and not last_ns:
             raise SourceError(f"the CAN log file '{self._path}' has no frames", "Check that it is a log of a CAN bus.")
         if self._channel is not None and channels and self._channel not in channels:
-            shown = ", ".join(sorted(str(channel) for channel in channels if channel is not None)) or "none"
+            channel_names = ", ".join(sorted(str(channel) for channel in channels if channel is not None)) or "none"
             raise SourceError(
-                f"the CAN log file '{self._path}' has no channel {self._channel}", f"Its channels are: {shown}."
+                f"the CAN log file '{self._path}' has no channel {self._channel}", f"Its channels are: {channel_names}."
             )
         back = (Reason(VehicleCode.LOG_STEPS_BACK, count=self._back),) if self._back else ()
         yield from (replace(event, details=back) for event in self._end(last_ns, stop))

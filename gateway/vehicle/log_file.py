@@ -59,9 +59,9 @@ class LogFile:
         """End `items`."""
         self._closed.set()
 
-    def _cut_off(self, last_ns: int, why: str) -> LinkEvent:
+    def _cut_off(self, last_ns: int, error: str) -> LinkEvent:
         """Return the event of a file whose rest cannot be read."""
-        return LinkEvent(self.link, last_ns, LinkEventKind.LOST, f"the rest of the file cannot be read: {why}")
+        return LinkEvent(self.link, last_ns, LinkEventKind.LOST, f"the rest of the file cannot be read: {error}")
 
     def _end(self, last_ns: int, stop: threading.Event) -> Iterator[LinkEvent]:
         """Yield that the file has ended, unless it was stopped or closed before."""

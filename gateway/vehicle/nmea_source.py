@@ -99,15 +99,15 @@ class ReceiverSource(WrappedSource):
         Raises:
             SourceError: the link could not be opened the first time.
         """
-        rest = b""
+        unfinished = b""
         for item in self._source.items(stop):
             if not isinstance(item, Chunk):
-                rest = b""
+                unfinished = b""
                 yield item
                 continue
-            lines, end, rest = (rest + item.data).rpartition(b"\n")
-            if len(rest) > LONGEST_LINE:
-                lines, end, rest = rest, b"", b""
+            lines, end, unfinished = (unfinished + item.data).rpartition(b"\n")
+            if len(unfinished) > LONGEST_LINE:
+                lines, end, unfinished = unfinished, b"", b""
             if lines or end:
                 yield self.lines(item.link, item.host_ns, lines + end)
 

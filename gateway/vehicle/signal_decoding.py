@@ -88,7 +88,7 @@ class SignalDecoder:
 
     def take_notices(self) -> list[tuple[str, Reason]]:
         """Return what is to be said of receivers and buses since the last call, with their links."""
-        of_receivers = [(link, reason) for link, each in self._receivers.items() for reason in each.take_notices()]
+        of_receivers = [(link, reason) for link, feed in self._receivers.items() for reason in feed.take_notices()]
         outside, self._outside = self._outside, []
         return [*of_receivers, *outside, *(self._bus.take_notices() if self._bus is not None else ())]
 

@@ -186,21 +186,21 @@ class TireSensorFileSource(LineLog):
             "Let rtl_433 print it: `rtl_433 -F json -M time:utc:usec:tz`.",
         )
 
-    def _of_date_ns(self, stated: datetime) -> int:
+    def _of_date_ns(self, date: datetime) -> int:
         """Return a date in ns since the epoch, in the stated zone where it has none.
 
         Raises:
             SourceError: no zone is known, or the time is twice in it.
         """
-        if stated.tzinfo is None:
-            zoned = stated.replace(tzinfo=self._zone)
+        if date.tzinfo is None:
+            zoned = date.replace(tzinfo=self._zone)
             if self._zone is None or zoned.utcoffset() != zoned.replace(fold=1).utcoffset():
                 fault = "states no time zone" if self._zone is None else "comes twice, as summer time ends"
                 raise SourceError(
-                    f"'{self._path}': the time {stated} {fault}",
+                    f"'{self._path}': the time {date} {fault}",
                     "Add the zone of the receiver's computer, such as ?time_zone=Europe/Berlin, or let rtl_433 print "
                     "UTC: -M time:utc:tz.",
                 )
-            stated = zoned
-        since = stated - datetime(1970, 1, 1, tzinfo=UTC)
+            date = zoned
+        since = date - datetime(1970, 1, 1, tzinfo=UTC)
         return (since.days * 86_400 + since.seconds) * 1_000_000_000 + since.microseconds * 1000

@@ -119,12 +119,12 @@ class TireSensorDecoder:
         reading = Environment(gauge_pa, temperature_degc, None)
         yield sensor.wheel, OutsideReading(item.host_ns, reading, std_pa, self._max_age_s)
 
-    def _unused(self, link: str, message: Mapping[str, Any], why: str) -> None:
+    def _unused(self, link: str, message: Mapping[str, Any], reason: str) -> None:
         """Say once that messages of a sensor are not used."""
         identity, model = str(message.get("id", "")), str(message.get("model", ""))
-        if (identity, why) not in self._named and len(self._named) < _MOST_NAMED:
-            self._named.add((identity, why))
-            self._notices.append((link, Reason(VehicleCode.TPMS_NOT_USED, model=model, id=identity, why=why)))
+        if (identity, reason) not in self._named and len(self._named) < _MOST_NAMED:
+            self._named.add((identity, reason))
+            self._notices.append((link, Reason(VehicleCode.TPMS_NOT_USED, model=model, id=identity, why=reason)))
 
 
 def measured(message: Mapping[str, Any]) -> dict[str, float]:

@@ -304,8 +304,8 @@ class SignalHistory:
         if key not in self._first_ns:
             return None
         is_received = key in _RECEIVED_KEYS
-        beside = [begun for begun in self._first_ns if (begun in _RECEIVED_KEYS) is is_received]
-        return min(map(self._first_ns.__getitem__, beside)), max(self._times_ns[begun][-1] for begun in beside)
+        siblings = [sibling for sibling in self._first_ns if (sibling in _RECEIVED_KEYS) is is_received]
+        return min(map(self._first_ns.__getitem__, siblings)), max(self._times_ns[sibling][-1] for sibling in siblings)
 
     def of_wheel(self, position: str) -> Iterator[VehicleSignal]:
         """Yield the signals of the vehicle and of one wheel."""

@@ -122,9 +122,9 @@ class VehicleJoin:
 
     def take_outside(self) -> Reason | None:
         """Return, once, that values which came after the revolutions that lack them are of another date."""
-        heard = [key for key in self._unheard if self.history.span_ns(key) is not None]
-        self._unheard.difference_update(heard)
-        for reason in (self._missing(key, self._latest_ns) for key in heard if not self._is_outside_told):
+        keys = [key for key in self._unheard if self.history.span_ns(key) is not None]
+        self._unheard.difference_update(keys)
+        for reason in (self._missing(key, self._latest_ns) for key in keys if not self._is_outside_told):
             if reason.code is VehicleCode.SIGNAL_OUTSIDE_RECORDING:
                 self._is_outside_told = True
                 return reason
@@ -210,7 +210,7 @@ def _rotation(ratio: _Ratio, error: float, rate_hz: float) -> Contradiction:
     """Return the contradiction of the car's rotation to the wheel's."""
     causes = [Reason(TrustCode.WOULD_FIT, what="rate", rate_hz=ratio.value * rate_hz, stated_hz=rate_hz)]
     missed = next(
-        (every for every in _MISSED_CONTACTS if abs(ratio.value / every - 1.0) <= _CONTRADICTION * error), None
+        (count for count in _MISSED_CONTACTS if abs(ratio.value / count - 1.0) <= _CONTRADICTION * error), None
     )
     if missed is not None:
         causes.append(Reason(TrustCode.WOULD_FIT, what="contacts", every=missed))

@@ -64,8 +64,8 @@ def chunk_index(path: Path) -> ChunkIndex:
     with open_recording_file(path) as file:
         size = os.fstat(file.fileno()).st_size
         rows = list(_indexed(file, size, channels)) or list(_walked(file, size, channels))
-    whole = [row for row in rows if 0 < row[1] <= _LATEST_NS and row[2] + row[3] <= size]
-    begin_ns, end_ns, offset, length = np.array(whole, np.int64).reshape(-1, 4).T
+    valid_rows = [row for row in rows if 0 < row[1] <= _LATEST_NS and row[2] + row[3] <= size]
+    begin_ns, end_ns, offset, length = np.array(valid_rows, np.int64).reshape(-1, 4).T
     return ChunkIndex(channels, offset, length, begin_ns, end_ns)
 
 
@@ -76,11 +76,11 @@ def _indexed(file: BinaryIO, size: int, channels: dict[int, ChannelInfo]) -> Ite
     head = file.read(RECORD_HEAD.size)
     if head != RECORD_HEAD.pack(Opcode.FOOTER, _FOOTER.size):
         return
-    begin, _, _ = _FOOTER.unpack(file.read(_FOOTER.size))
-    if not begin or not 0 < position - begin <= _LARGEST_SUMMARY_BYTES:
+    summary_offset, _, _ = _FOOTER.unpack(file.read(_FOOTER.size))
+    if not summary_offset or not 0 < position - summary_offset <= _LARGEST_SUMMARY_BYTES:
         return
-    file.seek(begin)
-    for opcode, body in walk(memoryview(file.read(position - RECORD_HEAD.size - begin))):
+    file.seek(summary_offset)
+    for opcode, body in walk(memoryview(file.read(position - RECORD_HEAD.size - summary_offset))):
         if opcode == Opcode.CHUNK_INDEX and len(body) >= _INDEX.size:
             yield _INDEX.unpack_from(body)
         elif opcode == Opcode.CHANNEL:
@@ -129,7 +129,7 @@ class RecordedPart(RecordingReader):
         self._channels, self._links = dict(self._index.channels), set()
         with open_recording_file(self.info.path) as file:
             for number in self._chosen.tolist():
-                begin, length = int(self._index.offset[number]), int(self._index.length[number])
-                self.position = file.seek(begin)
-                for opcode, stated, body in self._records(file, begin + length):
-                    yield from self._record_messages(opcode, stated, memoryview(body))
+                offset, length = int(self._index.offset[number]), int(self._index.length[number])
+                self.position = file.seek(offset)
+                for opcode, record_length, body in self._records(file, offset + length):
+                    yield from self._record_messages(opcode, record_length, memoryview(body))

@@ -55,8 +55,8 @@ def content_key(path: Path, index: ChunkIndex, setting: str) -> str:
     with open_recording_file(path) as file:
         size = os.fstat(file.fileno()).st_size
         digest.update(str(size).encode())
-        for begin in np.linspace(0, max(size - _PART_BYTES, 0), _PARTS).astype(int).tolist():
-            file.seek(begin)
+        for offset in np.linspace(0, max(size - _PART_BYTES, 0), _PARTS).astype(int).tolist():
+            file.seek(offset)
             digest.update(file.read(_PART_BYTES))
     return digest.hexdigest()
 
@@ -66,9 +66,9 @@ def stored(key: str) -> Arrays | None:
     path = cache_folder() / f"{key}.npz"
     try:
         with np.load(path, allow_pickle=False) as arrays:
-            whole = dict(arrays)
+            loaded = dict(arrays)
         os.utime(path)
-        return whole
+        return loaded
     except FileNotFoundError:
         return None
     except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:

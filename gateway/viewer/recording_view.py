@@ -92,9 +92,9 @@ class RecordingView:
     @property
     def wheels(self) -> list[str]:
         """Positions so far, configured ones first."""
-        heard = list(self._levels.wheels)
+        names = list(self._levels.wheels)
         configured = list(positions(self._opened.vehicle).values())
-        return sorted(heard, key=lambda wheel: (configured.index(wheel) if wheel in configured else len(heard), wheel))
+        return sorted(names, key=lambda wheel: (configured.index(wheel) if wheel in configured else len(names), wheel))
 
     def glance(self) -> None:
         """Look at chunks over the whole recording, so that there is a first picture of it."""
@@ -179,9 +179,9 @@ class RecordingView:
             RecordingError: the file cannot be read.
         """
         if end_s - begin_s > LONGEST_PART_S:
-            shown = {wheel: self._levels.envelope(wheel, begin_s, end_s, columns) for wheel in self.wheels}
+            envelopes = {wheel: self._levels.envelope(wheel, begin_s, end_s, columns) for wheel in self.wheels}
             # Where the file has not been read yet, its bins have a sample here and there, and no gaps.
-            return {wheel: self._without_holes(envelope) for wheel, envelope in shown.items()}
+            return {wheel: self._without_holes(envelope) for wheel, envelope in envelopes.items()}
         for lead_s in _LEADS_S:
             result = self._exact(begin_s, end_s, columns, lead_s)
             if set(result) >= set(self.wheels):
@@ -189,8 +189,8 @@ class RecordingView:
         return result
 
     def _without_holes(self, envelope: Envelope) -> Envelope:
-        whole = (envelope.time_s < self._read_s) | np.isfinite(envelope.low).any(axis=1)
-        return Envelope(*(part[whole] for part in envelope))
+        is_complete = (envelope.time_s < self._read_s) | np.isfinite(envelope.low).any(axis=1)
+        return Envelope(*(part[is_complete] for part in envelope))
 
     def _exact(self, begin_s: float, end_s: float, columns: int, lead_s: float) -> dict[str, Envelope]:
         bins = SampleLevels(begin_s, max(end_s - begin_s, 1e-6) / columns, columns)
@@ -231,8 +231,8 @@ class RecordingView:
             return None
         # A time is in the revolution whose end follows it; ends are known to some milliseconds.
         slack_s = 0.25 * results[0][1].revolution.period_s
-        behind = [row for row in results if row[0] >= time_s - slack_s] or results[-1:]
-        end_s, result = min(behind, key=lambda row: row[0])
+        candidates = [row for row in results if row[0] >= time_s - slack_s] or results[-1:]
+        end_s, result = min(candidates, key=lambda row: row[0])
         return result, end_s, self.rolled.number(wheel, result.revolution.start_s, end_s)
 
     def _around(self, number: int) -> list[tuple[float, RevolutionResult]]:

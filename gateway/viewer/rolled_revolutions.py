@@ -81,11 +81,11 @@ class RolledRevolutions:
     def number(self, wheel: str, start_s: float, time_s: float) -> int | None:
         """Return the number of the revolution that begins at a time of the hub's clock, and ends near a time."""
         table = self._table(wheel)
-        about = slice(*np.searchsorted(table[0], (time_s - 2.0, time_s + 2.0)))
-        apart = np.abs((table[1, about] - start_s + 0.5 * _WRAP_S) % _WRAP_S - 0.5 * _WRAP_S)
-        if not apart.size or apart.min() > 0.01:
+        nearby = slice(*np.searchsorted(table[0], (time_s - 2.0, time_s + 2.0)))
+        offsets_s = np.abs((table[1, nearby] - start_s + 0.5 * _WRAP_S) % _WRAP_S - 0.5 * _WRAP_S)
+        if not offsets_s.size or offsets_s.min() > 0.01:
             return None
-        return int(table[2, about][int(apart.argmin())])
+        return int(table[2, nearby][int(offsets_s.argmin())])
 
     def columns(self, wheel: str, axis: int, *, is_over_speed: bool) -> OrderColumns | None:
         """Return the orders of a wheel, None before its first revolution."""

@@ -16,7 +16,7 @@ FINEST_S: Final = 0.02
 MAX_BINS: Final = 1 << 17
 _MAX_WHEELS: Final = 64
 _KNOT_S: Final = 0.5
-_KNOTS_ABOUT: Final = 128
+_NEARBY_KNOTS: Final = 128
 # Numbers of samples have 32 bits.
 _NUMBERS: Final = 1 << 32
 _SAME_COUNT_S: Final = 0.5
@@ -145,15 +145,15 @@ class SampleTimes:
         table = self.tables.get(block.wheel)
         if table is None or not table.size:
             return time_s
-        near = min(int(np.searchsorted(table[2], time_s[0])), table.shape[1] - 1)
-        segment, knot, knot_s = table[:, near]
+        knot_index = min(int(np.searchsorted(table[2], time_s[0])), table.shape[1] - 1)
+        segment, knot, knot_s = table[:, knot_index]
         expected = knot + (time_s[0] - knot_s) * block.rate_hz
         first = block.first_sample + _NUMBERS * round((expected - block.first_sample) / _NUMBERS)
         if abs(first - expected) > _SAME_COUNT_S * block.rate_hz:
             return time_s
         numbers = first + np.arange(len(block))
-        about = table[:, max(near - _KNOTS_ABOUT, 0) : near + _KNOTS_ABOUT]
-        knots, times_s = about[1:, about[0] == segment]
+        nearby = table[:, max(knot_index - _NEARBY_KNOTS, 0) : knot_index + _NEARBY_KNOTS]
+        knots, times_s = nearby[1:, nearby[0] == segment]
         outside = np.minimum(numbers - knots[0], 0.0) + np.maximum(numbers - knots[-1], 0.0)
         dated: FloatArray = np.interp(numbers, knots, times_s) + outside / block.rate_hz
         return dated

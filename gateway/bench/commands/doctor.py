@@ -75,8 +75,8 @@ def _print(done: Sequence[Check]) -> None:
         line = for_terminal(f"{check.level:<8} {escaped(check.name)}: {escaped(check.text)}")
         click.echo(click.style(line[:8], fg=_COLOURS[check.level]) + line[8:])
         # The faults of one file share a remedy, which is printed once, after the last of them.
-        shared = index + 1 < len(done) and done[index + 1].remedy == check.remedy
-        if check.remedy and not shared:
+        has_shared_remedy = index + 1 < len(done) and done[index + 1].remedy == check.remedy
+        if check.remedy and not has_shared_remedy:
             click.echo(for_terminal(f"{'':8} -> {escaped(check.remedy)}"))
     count = {level: sum(check.level is level for check in done) for level in Level}
     faults, warnings = count[Level.FAULT], count[Level.WARNING]

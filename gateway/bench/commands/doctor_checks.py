@@ -78,8 +78,8 @@ def check_python(version: tuple[int, int, int] = sys.version_info[:3]) -> Iterat
     """Check the interpreter's version."""
     installed = ".".join(map(str, version))
     if version[:2] < PYTHON_MIN:
-        wanted = ".".join(map(str, PYTHON_MIN))
-        yield Check("python", Level.FAULT, f"{installed} is too old", f"Install Python {wanted} or newer.")
+        required = ".".join(map(str, PYTHON_MIN))
+        yield Check("python", Level.FAULT, f"{installed} is too old", f"Install Python {required} or newer.")
     else:
         yield Check("python", Level.OK, installed)
 
@@ -110,10 +110,10 @@ def check_packages() -> Iterator[Check]:
             yield Check("package", Level.FAULT, detail, f"Run: pip install '{name}>={minimum or 0}'")
     if "" not in missing:
         yield Check("packages", Level.OK, ", ".join(dict.fromkeys(versions)))
-    for extra, found_in_extra in missing.items():
+    for extra, details in missing.items():
         if extra:
             remedy = f"Optional. Run: pip install 'treadlink[{extra}]'"
-            yield Check(f"packages [{extra}]", Level.WARNING, ", ".join(found_in_extra), remedy)
+            yield Check(f"packages [{extra}]", Level.WARNING, ", ".join(details), remedy)
 
 
 def check_core() -> Iterator[Check]:
@@ -208,16 +208,16 @@ def check_device(device: Path, description: str = "") -> Check:
 def check_disk(folder: Path) -> Iterator[Check]:
     """Check that a folder is writable, and its free space."""
     name = "recordings"
-    there = folder.absolute()
-    while not there.exists() and there != there.parent:
-        there = there.parent
+    existing = folder.absolute()
+    while not existing.exists() and existing != existing.parent:
+        existing = existing.parent
     if folder.exists() and not folder.is_dir():
         yield Check(name, Level.FAULT, f"{folder} is a file", "Choose a folder with --recordings.")
         return
-    if not os.access(there, os.W_OK | os.X_OK):
-        yield Check(name, Level.FAULT, f"{there} is not writable", "Choose another folder with --recordings.")
+    if not os.access(existing, os.W_OK | os.X_OK):
+        yield Check(name, Level.FAULT, f"{existing} is not writable", "Choose another folder with --recordings.")
         return
-    free_bytes = shutil.disk_usage(there).free
+    free_bytes = shutil.disk_usage(existing).free
     hours = free_bytes / BYTES_PER_HOUR
     text = f"{folder}: {free_bytes / 1e9:.1f} GB free, enough for about {hours:.3g} h of four wheels at 9600 Hz"
     if free_bytes < DISK_FAULT_BYTES:
@@ -266,18 +266,18 @@ def check_config(path: Path) -> Iterator[Check]:
     setups = config.wheel_setups()
     wheels = ", ".join(f"{setup.position} (hub {setup.hub}, wheel {setup.wheel})" for setup in setups)
     yield Check(name, Level.OK, f"{path}: {config.name or 'unnamed'}, wheels {wheels}")
-    if assumed := [f"{share} of the {what} ({', '.join(wheels)})" for what, share, wheels in config.assumed_errors()]:
+    if assumed := [f"{share} of the {field} ({', '.join(wheels)})" for field, share, wheels in config.assumed_errors()]:
         yield Check(name, Level.OK, f"standard errors that are not stated and assumed: {'; '.join(assumed)}")
-    if unstated := ", ".join(each.position for each in setups if each.sensor.bandwidth_hz is None):
+    if unstated := ", ".join(setup.position for setup in setups if setup.sensor.bandwidth_hz is None):
         yield Check(name, Level.OK, f"not stated: bandwidth_hz, so no band is doubted ({unstated})")
-    for what, key, unknown in (
+    for quantity, key, unknown in (
         ("load", "load_n or an [[axle]]", [setup.position for setup in setups if setup.load_n is None]),
         ("pressure", "pressure_kpa", [setup.position for setup in setups if setup.pressure_pa is None]),
     ):
         if unknown:
-            rest = ", unless the sensor reports it" if what == "pressure" else ""
-            text = f"{what} of {', '.join(unknown)} is unknown: only ratios of the numbers can be estimated"
-            yield Check(name, Level.WARNING, text, f"State {key} if possible{rest}.")
+            condition = ", unless the sensor reports it" if quantity == "pressure" else ""
+            text = f"{quantity} of {', '.join(unknown)} is unknown: only ratios of the numbers can be estimated"
+            yield Check(name, Level.WARNING, text, f"State {key} if possible{condition}.")
     for unknown_name in sorted({setup.tire.reference.estimator for setup in setups} - set(estimator_names())):
         text = (
             f"tire.reference.estimator: '{unknown_name}' is not an estimator: neither wear nor load is measured with it"
@@ -315,25 +315,25 @@ def check_lateral_axes(path: Path, config: Path | None) -> Iterator[Check]:
     from gateway.core.trust.turn_verdict import TURN_RATE
 
     turning: dict[str, bool] = {}
-    turns: dict[str, list[tuple[float, float]]] = {}
+    revolutions: dict[str, list[tuple[float, float]]] = {}
     try:
         file = open_recorded_file(path)
         recording = open_recording(file, config, verifies=False)
         rig = open_rig_channels(file)
-        taken = RecordingPass(recording, ("turning",), signals=recording.signals(), is_watched=False)
-        for result in taken:
-            turning[result.position] = any(each.name == TURN_RATE for each in result.estimates)
-            turns.setdefault(result.position, []).append((result.revolution.start_s, result.revolution.period_s))
+        results = RecordingPass(recording, ("turning",), signals=recording.signals(), is_watched=False)
+        for result in results:
+            turning[result.position] = any(estimate.name == TURN_RATE for estimate in result.estimates)
+            revolutions.setdefault(result.position, []).append((result.revolution.start_s, result.revolution.period_s))
     except TreadlinkError as error:
         yield Check(f"recording {path}", Level.FAULT, str(error), error.remedy)
         return
     setups = recording.vehicle.wheel_setups() if recording.vehicle is not None else ()
-    stated = {setup.position for setup in setups if setup.sensor.lateral_is_left}
+    declared = {setup.position for setup in setups if setup.sensor.lateral_is_left}
     for position in (position for position, has_axis in turning.items() if has_axis):
-        is_of_rig = bool(rig.means(position, turns[position]))
+        is_of_rig = bool(rig.means(position, revolutions[position]))
         # One wheel alone may be a car's or a rig's.
         remedy = _STEER if is_of_rig else _DRIVE if len(turning) > 1 else f"{_DRIVE} {_STEER}"
-        yield from axis_checks(position, taken.lateral_axis(position), is_stated=position in stated, remedy=remedy)
+        yield from axis_checks(position, results.lateral_axis(position), is_stated=position in declared, remedy=remedy)
 
 
 def axis_checks(position: str, verdict: Verdict, *, is_stated: bool, remedy: str) -> Iterator[Check]:

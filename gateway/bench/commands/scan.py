@@ -112,4 +112,4 @@ def _source(hub: Sighting, hubs: list[Sighting]) -> str:
 
 
 def _twins(hub: Sighting, hubs: list[Sighting]) -> bool:
-    return sum(other.name.casefold() == hub.name.casefold() for other in hubs) > 1
+    return sum(peer.name.casefold() == hub.name.casefold() for peer in hubs) > 1

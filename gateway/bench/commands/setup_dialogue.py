@@ -28,7 +28,7 @@ _DOUBT_WINDOWS: Final = 5
 # Windows without a movement that end a roll.
 _STOPPED_WINDOWS: Final = 20
 _SILENT_S: Final = 15.0
-_USUAL: Final = {1: "W1", 2: "FL,FR", 4: "FL,FR,RL,RR"}
+_USUAL_POSITIONS: Final = {1: "W1", 2: "FL,FR", 4: "FL,FR,RL,RR"}
 _LEFT_OUT: Final = "-"
 # Items that wait while something is worked on; a link that brings more waits itself.
 _MOST_EVENTS: Final = 4096
@@ -121,11 +121,11 @@ class Dialogue:
             self._document["vehicle"]["name"] = name
         self._choose_wheels(sensors)
         self._find_radius()
-        for key, stated, what in (
+        for key, numbers, question in (
             ("pressure_kpa", self._answers.pressure_kpa, "Gauge pressure in kPa"),
             ("load_n", self._answers.load_n, "Vertical load in N"),
         ):
-            self._find_numbers(key, stated, what)
+            self._find_numbers(key, numbers, question)
         vehicle = self._checked()
         for notice in vehicle.notices():
             click.echo(f"  {clean(notice_text(notice))}")
@@ -143,10 +143,10 @@ class Dialogue:
     def _listed(self) -> list[HeardSensor]:
         sensors = [sensor for sensor in self._listener.sensors.values() if sensor.hello is not None]
         numbers = [(sensor.address.hub, sensor.address.wheel) for sensor in sensors]
-        twice = next((number for number in numbers if numbers.count(number) > 1), None)
-        if twice is not None:
+        duplicate = next((number for number in numbers if numbers.count(number) > 1), None)
+        if duplicate is not None:
             raise ConfigError(
-                f"two links have a sensor with hub {twice[0]}, wheel {twice[1]}",
+                f"two links have a sensor with hub {duplicate[0]}, wheel {duplicate[1]}",
                 "A vehicle file cannot tell them apart: give one hub another number.",
             )
         for number, sensor in enumerate(sensors, 1):
@@ -162,14 +162,14 @@ class Dialogue:
     def _choose_wheels(self, sensors: list[HeardSensor]) -> None:
         positions = self._answers.positions
         if not positions:
-            usual = _USUAL.get(len(sensors), ",".join(f"W{number + 1}" for number in range(len(sensors))))
-            positions = self._ask(f"Positions of the wheels [{usual}]:", _names, _names(usual), self._check_names)
+            default = _USUAL_POSITIONS.get(len(sensors), ",".join(f"W{number + 1}" for number in range(len(sensors))))
+            positions = self._ask(f"Positions of the wheels [{default}]:", _names, _names(default), self._check_names)
         free = list(sensors)
         for position in positions:
-            stated = self._answers.assigned.get(position)
+            assigned = self._answers.assigned.get(position)
             sensor = (
-                _stated_sensor(position, stated, sensors)
-                if stated is not None
+                _assigned_sensor(position, assigned, sensors)
+                if assigned is not None
                 else self._tapped(position, sensors, free)
             )
             if sensor is None:
@@ -206,15 +206,15 @@ class Dialogue:
                 click.echo(f"  there is no free sensor '{clean(line)}'")
                 continue
             first = self._listener.moved()[0]
-            end, moved = first.window_count + _DOUBT_WINDOWS, set[str]()
+            end, moved_ids = first.window_count + _DOUBT_WINDOWS, set[str]()
 
-            def watched(first: HeardSensor = first, end: int = end, moved: set[str] = moved) -> bool:
-                moved.update(sensor.sensor_id for sensor in self._listener.moved())
+            def watched(first: HeardSensor = first, end: int = end, moved_ids: set[str] = moved_ids) -> bool:
+                moved_ids.update(sensor.sensor_id for sensor in self._listener.moved())
                 return first.window_count >= end
 
             self._until(watched)
-            if len(moved) > 1:
-                click.echo(f"  several moved: {', '.join(sorted(moved))}. One at a time, please.")
+            if len(moved_ids) > 1:
+                click.echo(f"  several moved: {', '.join(sorted(moved_ids))}. One at a time, please.")
             elif first not in free:
                 click.echo(f"  that was sensor {first.sensor_id}, which has its wheel already")
             else:
@@ -229,16 +229,16 @@ class Dialogue:
     # Numbers
 
     def _find_radius(self) -> None:
-        stated, distance_m = self._answers.radius_mm, self._answers.distance_m
-        if not stated and distance_m is None and self._asks:
+        radii_mm, distance_m = self._answers.radius_mm, self._answers.distance_m
+        if not radii_mm and distance_m is None and self._asks:
             answer = self._ask("Belt radius in mm, or 'roll' to measure it:", _radius, check=self._fits("radius_mm"))
             if answer == "roll":
                 distance_m = self._ask("Distance to roll in m, 5 or more turns are best:", _distance)
             else:
-                stated = {"": answer}
+                radii_mm = {"": answer}
         if distance_m is not None and not self._roll(distance_m) and self._asks:
-            stated = {"": self._ask("Belt radius of the others in mm:", _number, check=self._fits("radius_mm"))}
-        self._set_numbers("radius_mm", stated)
+            radii_mm = {"": self._ask("Belt radius of the others in mm:", _number, check=self._fits("radius_mm"))}
+        self._set_numbers("radius_mm", radii_mm)
         self._checked()
 
     def _roll(self, distance_m: float) -> bool:
@@ -271,21 +271,21 @@ class Dialogue:
             entry["tire"] = {"radius_mm": round(radius_mm, 2), "radius_std_mm": round(std_mm, 2)}
         return all("tire" in entry for entry in self._document["wheel"])
 
-    def _find_numbers(self, key: str, stated: Mapping[str, float], what: str) -> None:
+    def _find_numbers(self, key: str, values: Mapping[str, float], question: str) -> None:
         positions = [entry["position"] for entry in self._document["wheel"]]
-        if not stated and self._asks:
+        if not values and self._asks:
             order = " ".join(positions)
             numbers = self._ask(
-                f"{what}, one for all or one each ({order}) []:", _numbers(len(positions)), (), self._fits(key)
+                f"{question}, one for all or one each ({order}) []:", _numbers(len(positions)), (), self._fits(key)
             )
-            stated = (
+            values = (
                 {"": numbers[0]} if len(numbers) == 1 else dict(zip(positions, numbers, strict=True)) if numbers else {}
             )
-        self._set_numbers(key, stated)
+        self._set_numbers(key, values)
 
-    def _set_numbers(self, key: str, stated: Mapping[str, float]) -> None:
+    def _set_numbers(self, key: str, numbers: Mapping[str, float]) -> None:
         entries = {entry["position"]: entry for entry in self._document["wheel"]}
-        for position, number in stated.items():
+        for position, number in numbers.items():
             if position and position not in entries:
                 raise ConfigError(
                     f"{key} is given for '{position}', which has no sensor",
@@ -437,9 +437,9 @@ def _numbers(count: int) -> Callable[[str], tuple[float, ...]]:
     return parse
 
 
-def _stated_sensor(position: str, stated: str, sensors: Sequence[HeardSensor]) -> HeardSensor:
+def _assigned_sensor(position: str, assigned: str, sensors: Sequence[HeardSensor]) -> HeardSensor:
     for sensor in sensors:
-        if stated.lower() in (sensor.sensor_id, f"{sensor.address.hub}.{sensor.address.wheel}"):
+        if assigned.lower() in (sensor.sensor_id, f"{sensor.address.hub}.{sensor.address.wheel}"):
             return sensor
     serials = ", ".join(sensor.sensor_id for sensor in sensors) or "none"
-    raise ConfigError(f"no sensor '{stated}' is heard for {position}", f"Heard: {serials}.")
+    raise ConfigError(f"no sensor '{assigned}' is heard for {position}", f"Heard: {serials}.")

@@ -89,18 +89,18 @@ def compare(
             "Name the wheels alike in the configuration, --config, or look at the recordings with treadlink inspect.",
         )
     differences = compared_means(means_of(before), means_of(after), radii_of(before), radii_of(after))
-    say = SummaryOutput(outputs)
-    for line in comparison_lines(before, after, differences, terminal_columns(on_err=say.err)):
-        say(line)
+    summary = SummaryOutput(outputs)
+    for line in comparison_lines(before, after, differences, terminal_columns(on_err=summary.err)):
+        summary(line)
     if csv_path is not None:
         write_whole(csv_path, comparison_csv(differences), force=force)
     if html_path is not None:
         write_whole(html_path, comparison_page(before, after, differences), force=force)
     for output in outputs:
-        say.written(output)
+        summary.written(output)
     if damaged:
         raise TreadlinkError("; ".join(damaged), "The readable part was compared.")
-    say.finish()
+    summary.finish()
 
 
 def _show(bar: Bar, size: int, position: int) -> None:

@@ -87,7 +87,7 @@ def orders(
     check_outputs(outputs, (recording, config_path, *effects_paths, key_file or default_key_file()), force=force)
     if figure is not None:
         check_figure(figure, SUFFIXES)
-    say = SummaryOutput(outputs)
+    summary = SummaryOutput(outputs)
     with progress_bar(f"reading {recording.name}") as bar:
         spectra, damage, start_ns, units = recorded_orders(
             recording,
@@ -101,9 +101,9 @@ def orders(
     with shown_in(units):
         for index, wheel in enumerate(spectra):
             if index:
-                say()
-            for line in order_lines(wheel, shown, terminal_columns(on_err=say.err)):
-                say(line)
+                summary()
+            for line in order_lines(wheel, shown, terminal_columns(on_err=summary.err)):
+                summary(line)
         if figure is not None:
             write_figure(figure, spectra, recording.name, start_ns, force=force)
     if csv_path is not None:
@@ -111,7 +111,7 @@ def orders(
     if json_path is not None:
         write_json(json_path, spectra, recording.name, force=force)
     for path in outputs:
-        say.written(path)
-    say.finish()
+        summary.written(path)
+    summary.finish()
     if damage is not None:
         raise TreadlinkError(text(damage), "The readable part was used.")

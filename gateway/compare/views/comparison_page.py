@@ -26,7 +26,7 @@ def comparison_page(first: Drive, second: Drive, differences: Sequence[MeanDiffe
 
 def _page(first: Drive, second: Drive, differences: Sequence[MeanDifference]) -> str:
     wheels = shared_wheels(first, second)
-    said = comparison_verdict(first, second, wheels, differences)
+    verdict = comparison_verdict(first, second, wheels, differences)
     recordings = [(drive.name, recorded_at(drive)) for drive in (first, second)]
     return page_over_time(
         "comparison_page.html.j2",
@@ -34,10 +34,10 @@ def _page(first: Drive, second: Drive, differences: Sequence[MeanDifference]) ->
         facts=" · ".join(
             f"{order}: {clean(name)}, {date}" for order, (name, date) in zip(_ORDER, recordings, strict=True)
         ),
-        answer=said.answer,
-        lines=said.lines,
-        steps=said.steps,
-        data=script_data(_pictures(first, second, wheels, said.wheel)),
+        answer=verdict.answer,
+        lines=verdict.lines,
+        steps=verdict.steps,
+        data=script_data(_pictures(first, second, wheels, verdict.wheel)),
         recordings=recordings,
         wheels=[(wheel, _glance(first, second, wheel), _rows(differences, wheel)) for wheel in wheels],
         varying=varying_line(differences),
@@ -46,7 +46,7 @@ def _page(first: Drive, second: Drive, differences: Sequence[MeanDifference]) ->
     )
 
 
-def _pictures(first: Drive, second: Drive, shared: Sequence[str], shown: str) -> dict[str, Any]:
+def _pictures(first: Drive, second: Drive, wheels: Sequence[str], chosen: str) -> dict[str, Any]:
     """Return the pictures of both recordings over the time since the first revolution of each, a wheel at a time."""
     parts = [pictures_json(drive, (), first_ns(drive)) for drive in (first, second)]
     count = len(parts[0]["wheels"])
@@ -66,9 +66,9 @@ def _pictures(first: Drive, second: Drive, shared: Sequence[str], shown: str) ->
         ],
         "choices": [
             {"name": wheel, "wheels": [list(first.wheels).index(wheel), count + list(second.wheels).index(wheel)]}
-            for wheel in shared
+            for wheel in wheels
         ],
-        "chosen": shared.index(shown) if shown in shared else 0,
+        "chosen": wheels.index(chosen) if chosen in wheels else 0,
         "quantities": quantities,
         "first": list(dict.fromkeys(name for part in parts for name in part["first"])),
         "waveforms": [
@@ -81,7 +81,7 @@ def _pictures(first: Drive, second: Drive, shared: Sequence[str], shown: str) ->
 
 def _glance(first: Drive, second: Drive, wheel: str) -> list[tuple[str, list[str]]]:
     cells = [drive.wheels[wheel].cells() for drive in (first, second)]
-    return [(label, [shown(values) for values in cells]) for label, shown in GLANCE]
+    return [(label, [cell_text(values) for values in cells]) for label, cell_text in GLANCE]
 
 
 def _rows(differences: Sequence[MeanDifference], wheel: str) -> list[tuple[str, str, tuple[str, ...], bool]]:

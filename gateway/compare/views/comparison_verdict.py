@@ -16,7 +16,7 @@ _CONDITIONS: Final = (
     ("temperature", "temperature_degc", 5.0), ("belt radius", "radius_m", 0.002),
 )  # fmt: skip
 # A difference of conditions is sure from so many of its standard errors, where they are known.
-_SURE: Final = 3.0
+_SURE_STDS: Final = 3.0
 # A difference that may be chance is named with a cause from so many of its standard errors.
 _WITH_CAUSE: Final = 2.0
 _LONGEST_LIST: Final = 5
@@ -104,7 +104,7 @@ def _causes(first: Drive, second: Drive, wheel: str) -> Iterator[Cause]:
         std = math.hypot(*(number(row, f"{stem}_std_{suffix}") for row in cells))
         difference = after - before
         scale = 1.0 if name == "temperature_degc" else abs(before)
-        if not abs(difference) > share * scale or abs(difference) < _SURE * std:
+        if not abs(difference) > share * scale or abs(difference) < _SURE_STDS * std:
             continue
         size = round_to_error(abs(difference) * unit.factor, std * unit.factor).joined()
         values = ", then ".join(f"{unit.of(value):.4g}" for value in (before, after))
@@ -118,8 +118,8 @@ def _lines(wheel: str, causes: Sequence[Cause], differences: Sequence[MeanDiffer
     labels = [cause.label for cause in causes if cause.wheel == wheel]
     of_wheel = [row for row in differences if row.wheel == wheel and not (row.first.reasons or row.second.reasons)]
     of_wheel.sort(key=lambda row: abs(row.significance), reverse=True)
-    sure = [_said(row) for row in of_wheel if row.is_significant][:_LONGEST_LIST]
-    unsure = [_said(row) for row in of_wheel if not row.is_significant and abs(row.significance) >= _WITH_CAUSE]
+    sure = [_phrase(row) for row in of_wheel if row.is_significant][:_LONGEST_LIST]
+    unsure = [_phrase(row) for row in of_wheel if not row.is_significant and abs(row.significance) >= _WITH_CAUSE]
     if labels and unsure:
         sure.append(f"perhaps also, within chance: {', '.join(unsure[:_LONGEST_LIST])}")
     head = f"{clean(wheel)}, with the {' and the '.join(labels)}" if labels else clean(wheel)
@@ -129,7 +129,7 @@ def _lines(wheel: str, causes: Sequence[Cause], differences: Sequence[MeanDiffer
         yield f"{head}: nothing else differs beyond chance."
 
 
-def _said(row: MeanDifference) -> str:
+def _phrase(row: MeanDifference) -> str:
     """Return one difference in words; in percent where the quantity has no unit."""
     unit = split_name(row.name)[1]
     factor, symbol = unit.factor, unit.symbol

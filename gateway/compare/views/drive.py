@@ -165,8 +165,8 @@ class DriveWheel:
         self._alarms = alarms
         if causes and len(self.marked_waveforms) < MAX_WAVEFORMS:
             self.marked_waveforms.append(_waveform(result, time_ns, ", ".join(causes)))
-        due = not self.waveforms or abs(time_ns - self.waveforms[-1].time_ns) >= self._interval_s * 1e9
-        if due and not result.revolution.faults:
+        is_due = not self.waveforms or abs(time_ns - self.waveforms[-1].time_ns) >= self._interval_s * 1e9
+        if is_due and not result.revolution.faults:
             self.waveforms.append(_waveform(result, time_ns, ""))
             if len(self.waveforms) > MAX_WAVEFORMS:
                 self.waveforms = self.waveforms[::2]

@@ -53,7 +53,7 @@ def _lines(first: Drive, second: Drive, differences: Sequence[MeanDifference], c
     for wheel in shared_wheels(first, second):
         cells = [drive.wheels[wheel].cells() for drive in (first, second)]
         rows: list[tuple[str, ...]] = [(wheel, clean(first.name), clean(second.name), "difference", "in errors")]
-        rows += [(label, *(shown(values) for values in cells), "", "") for label, shown in GLANCE]
+        rows += [(label, *(cell_text(values) for values in cells), "", "") for label, cell_text in GLANCE]
         rows += [(_label(row.name), *difference_cells(row)) for row in differences if row.wheel == wheel]
         yield from table_lines(rows, columns)
         yield ""

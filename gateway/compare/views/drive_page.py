@@ -147,7 +147,7 @@ def _means(drive: Drive) -> tuple[list[tuple[str, str, list[_Value]]], list[tupl
             cells: dict[str, Cell] = dict(zip(RECORDING_PARTS, values, strict=True))
             status, reason = Status(str(cells["_status"])), str(cells["_reason"])
             value, std, scatter = (number(cells, part) for part in ("", "_std", "_scatter"))
-            largest = next((each.largest for each in budgets.get(position, ()) if each.estimate.name == name), "")
+            largest = next((entry.largest for entry in budgets.get(position, ()) if entry.estimate.name == name), "")
             if name == WEAR and value < plain_wear(Estimate(name, value, std, status)).value:
                 value = 0.0
                 reasons.setdefault(_NO_WEAR, {}).setdefault(position, []).append(label)
@@ -196,20 +196,20 @@ def _value(value: float, std: float, scatter: float, status: Status, largest: st
     if status is Status.INVALID:
         return _Value(MISSING, "", True)
     size = round_to_error(scatter, scatter)
-    small = f"scatter {size.error}{size.power}" if size.error else ""
-    small = ", ".join(filter(None, (small, f"most from {largest}" if largest else "")))
+    detail = f"scatter {size.error}{size.power}" if size.error else ""
+    detail = ", ".join(filter(None, (detail, f"most from {largest}" if largest else "")))
     mean = f"{round_to_error(value, std).joined()} {STATUS_MARKS[status]}".strip()
-    return _Value(mean, small, status is not Status.VALID)
+    return _Value(mean, detail, status is not Status.VALID)
 
 
 def _notes(reasons: dict[str, dict[str, list[str]]]) -> Iterator[tuple[str, str, str]]:
     """Yield the wheels and the quantities of each reason."""
     for reason, of_wheels in reasons.items():
-        alike: dict[tuple[str, ...], list[str]] = {}
+        positions_of: dict[tuple[str, ...], list[str]] = {}
         for position, labels in of_wheels.items():
-            alike.setdefault(tuple(labels), []).append(position)
-        for shared, wheels in alike.items():
-            yield clean(", ".join(wheels)), ", ".join(shared), clean(reason)
+            positions_of.setdefault(tuple(labels), []).append(position)
+        for quantities, wheels in positions_of.items():
+            yield clean(", ".join(wheels)), ", ".join(quantities), clean(reason)
 
 
 def _drawn_wear(notes: Iterable[tuple[str, str, str]]) -> Iterator[str]:

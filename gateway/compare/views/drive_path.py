@@ -60,26 +60,26 @@ class Leg(NamedTuple):
 
     def then(self, after: "Leg") -> "Leg":
         """Return this leg and the one after it as one."""
-        turn = _turned(self.pose[2])
-        step = turn[:3, :3] @ after.pose
-        moved = np.array([[1.0, 0.0, -step[1], 0.0], [0.0, 1.0, step[0], 0.0], [0.0, 0.0, 1.0, 0.0], [0.0] * 4])
-        of_leg = turn @ after.shared
-        moved[:, 3] = of_leg[:, _LASTS]
-        of_leg[:, _LASTS] = 0.0
-        covariance = moved @ self.covariance @ moved.T + turn @ after.covariance @ turn.T
-        return Leg(after.end_ns, self.pose + step, covariance, moved @ self.shared + of_leg, after.fix_deg)
+        rotation = _rotation(self.pose[2])
+        step = rotation[:3, :3] @ after.pose
+        jacobian = np.array([[1.0, 0.0, -step[1], 0.0], [0.0, 1.0, step[0], 0.0], [0.0, 0.0, 1.0, 0.0], [0.0] * 4])
+        after_shared = rotation @ after.shared
+        jacobian[:, 3] = after_shared[:, _LASTS]
+        after_shared[:, _LASTS] = 0.0
+        covariance = jacobian @ self.covariance @ jacobian.T + rotation @ after.covariance @ rotation.T
+        return Leg(after.end_ns, self.pose + step, covariance, jacobian @ self.shared + after_shared, after.fix_deg)
 
     def error(self) -> FloatArray:
         """Return the whole covariance of the pose, (3, 3)."""
-        shared = self.shared[:3]
-        return self.covariance[:3, :3] + shared @ shared.T
+        common_error = self.shared[:3]
+        return self.covariance[:3, :3] + common_error @ common_error.T
 
 
-def _turned(heading_rad: float) -> FloatArray:
-    turn = np.eye(4)
+def _rotation(heading_rad: float) -> FloatArray:
+    rotation = np.eye(4)
     cosine, sine = math.cos(heading_rad), math.sin(heading_rad)
-    turn[:2, :2] = (cosine, -sine), (sine, cosine)
-    return turn
+    rotation[:2, :2] = (cosine, -sine), (sine, cosine)
+    return rotation
 
 
 class _Span(NamedTuple):
@@ -90,19 +90,19 @@ class _Span(NamedTuple):
 
     def leg(self, end_ns: int, duration_s: float) -> Leg:
         """Return an arc of this length and turn."""
-        length, turn = self.length[0], self.turn[0]
-        half = 0.5 * turn
+        length_m, turn_rad = self.length[0], self.turn[0]
+        half = 0.5 * turn_rad
         chord = float(np.sinc(half / math.pi))
         by_length = np.array([chord * math.cos(half), chord * math.sin(half), 0.0, 0.0])
-        by_turn = np.array([-0.5 * length * math.sin(half), 0.5 * length * math.cos(half), 1.0, 0.0])
-        stays = math.exp(-duration_s / _LASTS_S)
+        by_turn = np.array([-0.5 * length_m * math.sin(half), 0.5 * length_m * math.cos(half), 1.0, 0.0])
+        decay = math.exp(-duration_s / _LASTS_S)
         rows = np.stack([by_turn * self.turn[1], by_length * self.length[1]])
         covariance = rows.T @ rows
-        covariance[3, 3] = 1.0 - stays**2
-        always, lasts = (math.sqrt(share) * self.turn[2] for share in (1.0 - _LASTING_SHARE, _LASTING_SHARE))
-        shared = np.stack([by_turn * always, by_length * self.length[2], by_turn * lasts], axis=1)
-        shared[3, _LASTS] = stays
-        return Leg(end_ns, length * by_length[:3] + [0.0, 0.0, turn], covariance, shared)
+        covariance[3, 3] = 1.0 - decay**2
+        constant, lasting = (math.sqrt(share) * self.turn[2] for share in (1.0 - _LASTING_SHARE, _LASTING_SHARE))
+        common_error = np.stack([by_turn * constant, by_length * self.length[2], by_turn * lasting], axis=1)
+        common_error[3, _LASTS] = decay
+        return Leg(end_ns, length_m * by_length[:3] + [0.0, 0.0, turn_rad], covariance, common_error)
 
 
 class _Rolled(NamedTuple):
@@ -123,28 +123,28 @@ class WheelPath:
 
     def __init__(self) -> None:
         self.legs: list[Leg] = []
-        self._begin: list[Leg] = []
+        self._start_legs: list[Leg] = []
         self._stride, self._joined = 1, 0
         self._last: _Rolled | None = None
 
     def add(self, result: RevolutionResult, end_ns: int) -> None:
         """Take a revolution; what lies between it and the last one with a turn rate is bridged, with a wide error."""
         usable = {estimate.name: estimate for estimate in result.estimates if estimate.status is not Status.INVALID}
-        speed, turn = usable.get(SPEED), usable.get(TURN_RATE)
-        if speed is None or turn is None or not (math.isfinite(turn.std) and math.isfinite(speed.std)):
+        speed, turn_rate = usable.get(SPEED), usable.get(TURN_RATE)
+        if speed is None or turn_rate is None or not (math.isfinite(turn_rate.std) and math.isfinite(speed.std)):
             return
-        now = _Rolled(end_ns, speed, turn, usable.get(DISTANCE))
+        current = _Rolled(end_ns, speed, turn_rate, usable.get(DISTANCE))
         period_s = result.revolution.period_s
         begin_ns = end_ns - round(period_s / _NS)
         if self._last is None:
-            self._begin = [_Span((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)).leg(begin_ns, 0.0)]
+            self._start_legs = [_Span((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)).leg(begin_ns, 0.0)]
         elif (end_ns - self._last.end_ns) * _NS > 1.5 * period_s:
-            self._join(_bridged(self._last, now, period_s).leg(begin_ns, (begin_ns - self._last.end_ns) * _NS))
+            self._join(_bridged(self._last, current, period_s).leg(begin_ns, (begin_ns - self._last.end_ns) * _NS))
         length = (speed.value * period_s, speed.scatter_std * period_s, speed.constant_std * period_s)
-        angle = (turn.value * period_s, turn.scatter_std * period_s, turn.constant_std * period_s)
+        angle = (turn_rate.value * period_s, turn_rate.scatter_std * period_s, turn_rate.constant_std * period_s)
         fix = [usable[name].value if name in usable else math.nan for name in ("latitude_deg", "longitude_deg")]
         self._join(_Span(length, angle).leg(end_ns, period_s)._replace(fix_deg=(fix[0], fix[1])))
-        self._last = now
+        self._last = current
 
     def _join(self, leg: Leg) -> None:
         if self._joined % self._stride and self.legs:
@@ -159,7 +159,7 @@ class WheelPath:
 
     def whole(self) -> list[Leg]:
         """Return the path up to its begin and the end of each leg, as far as its direction is known."""
-        path = list(self._begin)
+        path = list(self._start_legs)
         for leg in self.legs:
             path.append(path[-1].then(leg))
             if path[-1].error()[2, 2] > _LOST_RAD**2:
@@ -167,19 +167,19 @@ class WheelPath:
         return path
 
 
-def _bridged(last: _Rolled, now: _Rolled, period_s: float) -> _Span:
+def _bridged(last: _Rolled, current: _Rolled, period_s: float) -> _Span:
     """Return what lies between two measured revolutions."""
-    speed_mps = 0.5 * (last.speed.value + now.speed.value)
-    gap_s = (now.end_ns - last.end_ns) * _NS - period_s
+    speed_mps = 0.5 * (last.speed.value + current.speed.value)
+    gap_s = (current.end_ns - last.end_ns) * _NS - period_s
     length_m, std_m = speed_mps * gap_s, _UNKNOWN_LENGTH * speed_mps * gap_s
-    if last.distance is not None and now.distance is not None:
-        length_m = max(now.distance.value - last.distance.value - now.speed.value * period_s, 0.0)
-        std_m = math.sqrt(max(now.distance.std**2 - last.distance.std**2, 0.0))
+    if last.distance is not None and current.distance is not None:
+        length_m = max(current.distance.value - last.distance.value - current.speed.value * period_s, 0.0)
+        std_m = math.sqrt(max(current.distance.std**2 - last.distance.std**2, 0.0))
     # A car that stands does not turn.
     rolled_s = length_m / max(speed_mps, 1e-3)
-    turn_rad = 0.5 * (last.turn.value + now.turn.value) * rolled_s
+    turn_rad = 0.5 * (last.turn.value + current.turn.value) * rolled_s
     turn_std = _CHANGE_RADPS * rolled_s * min(rolled_s, 1.0)
-    return _Span((length_m, std_m, 0.0), (turn_rad, turn_std, now.turn.constant_std * rolled_s))
+    return _Span((length_m, std_m, 0.0), (turn_rad, turn_std, current.turn.constant_std * rolled_s))
 
 
 class CarPath(NamedTuple):
@@ -219,25 +219,25 @@ def car_path(wheels: Mapping[str, WheelPath]) -> CarPath | None:
     first_ns = min(path[0].end_ns for path in paths.values())
     paths = {name: path for name, path in paths.items() if (path[0].end_ns - first_ns) * _NS < _SAME_BEGIN_S}
     # The wheel that is known for the longest time gives the times; those that end before are left out.
-    longest = max(paths, key=lambda name: paths[name][-1].end_ns)
-    end_ns = paths[longest][-1].end_ns
+    reference_wheel = max(paths, key=lambda name: paths[name][-1].end_ns)
+    end_ns = paths[reference_wheel][-1].end_ns
     paths = {name: path for name, path in paths.items() if (end_ns - path[-1].end_ns) * _NS < _SAME_BEGIN_S}
-    times = np.array([leg.end_ns - first_ns for leg in paths[longest]], np.float64)
+    times = np.array([leg.end_ns - first_ns for leg in paths[reference_wheel]], np.float64)
     positions, errors = [], []
     for path in paths.values():
-        of_leg = np.array([leg.end_ns - first_ns for leg in path], np.float64)
+        leg_times = np.array([leg.end_ns - first_ns for leg in path], np.float64)
         rows = np.array([[*leg.pose[:2], *leg.error()[:2, :2].ravel(), leg.error()[2, 2]] for leg in path])
         # A direction that is off by d moves what follows also by -d^2/2 of itself.
         bent = np.cumsum(rows[:, 6:] * np.diff(rows[:, :2], axis=0, prepend=0.0), axis=0)
         rows[:, 2:6] += _SECOND_ORDER * (bent[:, :, np.newaxis] * bent[:, np.newaxis]).reshape(-1, 4)
-        columns = np.stack([np.interp(times, of_leg, column) for column in rows.T], axis=1)
+        columns = np.stack([np.interp(times, leg_times, column) for column in rows.T], axis=1)
         positions.append(columns[:, :2] - columns[0, :2])
         errors.append(columns[:, 2:6].reshape(-1, 2, 2))
     weights = 1.0 / np.array([max(float(np.trace(error[-1])), 1e-6) for error in errors])
     weights /= weights.sum()
     position = np.tensordot(weights, np.array(positions), axes=1)
     covariance = np.tensordot(weights, np.array(errors), axes=1)
-    received, apart_m = _received(position, covariance, paths[longest])
+    received, apart_m = _received(position, covariance, paths[reference_wheel])
     return CarPath(
         tuple(paths),
         position,
@@ -262,10 +262,10 @@ def _received(position_m: FloatArray, covariance_m2: FloatArray, path: Sequence[
     # A longitude beyond 180 degrees goes on from -180.
     east = (east + math.pi) % (2.0 * math.pi) - math.pi
     fixed = _EARTH_RADIUS_M * (east * math.cos(fixes[is_measured][0, 0]) + 1j * north)
-    along = position_m[is_measured] @ np.array([1.0, 1j])
+    estimated = position_m[is_measured] @ np.array([1.0, 1j])
     weights = 1.0 / (2.0 * _FIX_STD_M**2 + np.trace(covariance_m2[is_measured], axis1=1, axis2=2))
-    middle_fixed, middle = np.average(fixed, weights=weights), np.average(along, weights=weights)
-    turn = np.vdot(fixed - middle_fixed, weights * (along - middle))
-    moved = (fixed - middle_fixed) * (turn / abs(turn) if turn else 1.0) + middle
-    apart_m = float(np.sqrt(np.mean(np.abs(moved - along) ** 2)))
-    return np.stack([moved.real, moved.imag], axis=1), apart_m
+    middle_fixed, middle = np.average(fixed, weights=weights), np.average(estimated, weights=weights)
+    rotation = np.vdot(fixed - middle_fixed, weights * (estimated - middle))
+    aligned = (fixed - middle_fixed) * (rotation / abs(rotation) if rotation else 1.0) + middle
+    apart_m = float(np.sqrt(np.mean(np.abs(aligned - estimated) ** 2)))
+    return np.stack([aligned.real, aligned.imag], axis=1), apart_m

@@ -101,16 +101,16 @@ def _ellipses(path: CarPath) -> list[Ellipse]:
         long, short, angle = path.ellipse(point)
         (x, y), *_ = _on_page(path.position_m[point : point + 1]).tolist()
         # An angle from ahead to the left is one from the right to above, a quarter of a turn on.
-        turned = -math.degrees(angle) - 90.0
-        ellipses.append(Ellipse(*(fixed(value, 1) for value in (x, y, long, short, turned))))
+        page_angle_deg = -math.degrees(angle) - 90.0
+        ellipses.append(Ellipse(*(fixed(value, 1) for value in (x, y, long, short, page_angle_deg))))
     return ellipses
 
 
 def _summary(path: CarPath) -> str:
     long, short, _ = path.ellipse(-1)
-    apart = float(np.hypot(*path.position_m[-1]))
+    gap_m = float(np.hypot(*path.position_m[-1]))
     sentences = [
-        f"{_length(path.length_m)} by {clean(', '.join(path.wheels))}, which end {_length(apart)} from the start. One "
+        f"{_length(path.length_m)} by {clean(', '.join(path.wheels))}, which end {_length(gap_m)} from the start. One "
         f"standard error of the end is {_length(long)} by {_length(short)}."
     ]
     if path.is_lost:

@@ -101,8 +101,8 @@ def pictures_json(drive: Drive, events: Sequence[Event], start_ns: int) -> dict[
         "begin_ms": start_ns // 1_000_000 if start_ns > FIRST_DATE_NS else None,
         "wheels": [{"name": position, "t": times[index]} for index, position in enumerate(drive.wheels)],
         "quantities": quantities,
-        "first": [name for name in _first() if name in names and name not in _beside(names).values()] or names[:1],
-        "pairs": _beside(names),
+        "first": [name for name in _first() if name in names and name not in _paired(names).values()] or names[:1],
+        "pairs": _paired(names),
         "events": [
             {
                 "kind": event.kind,
@@ -127,20 +127,20 @@ def _first() -> list[str]:
     return [SPEED, *MEASURED, "contact_length_m", *(name for name in named if name not in (SPEED, "contact_fraction"))]
 
 
-def _beside(names: Sequence[str]) -> dict[str, str]:
+def _paired(names: Sequence[str]) -> dict[str, str]:
     """Return the quantity that is drawn with another one at first: the temperature with the pressure."""
     pressure, temperature = MEASURED
     return {pressure: temperature} if pressure in names and temperature in names else {}
 
 
 def _columns(line: Line) -> dict[str, Any]:
-    known = line.std[np.isfinite(line.std) & (line.std > 0.0)]
+    stds = line.std[np.isfinite(line.std) & (line.std > 0.0)]
     digits = _DIGITS
-    if known.size:
-        digits = _DIGITS_BELOW_ERROR + 1 - math.floor(math.log10(float(np.median(known))))
+    if stds.size:
+        digits = _DIGITS_BELOW_ERROR + 1 - math.floor(math.log10(float(np.median(stds))))
     return {
         "v": _numbers(line.value, digits),
-        "e": _numbers(line.std, digits + 1) if known.size else None,
+        "e": _numbers(line.std, digits + 1) if stds.size else None,
         "provisional": np.flatnonzero(~line.is_valid & np.isfinite(line.value)).tolist(),
     }
 

@@ -83,9 +83,9 @@ def verdict(drive: Drive, start_ns: int, end_ns: int) -> Verdict:
     took = age((end_ns - start_ns) * 1e-9)
     sentences = [f"{counted(len(drive.wheels), 'wheel')}{_distance(list(drive.wheels.values()))} in {took}."]
     sentences += _silences(events)
-    past = len(drive.alarms) - len(standing) - len(silences)
-    if past:
-        sentences.append(f"{counted(past, 'alarm')} came and went.")
+    ended_count = len(drive.alarms) - len(standing) - len(silences)
+    if ended_count:
+        sentences.append(f"{counted(ended_count, 'alarm')} came and went.")
     if standing:
         sentences.append(f"{counted(len(standing), 'alarm')} stood at the end.")
     if len(actions) == len({event.wheel for event in events if event.kind == "silence"}):
@@ -148,8 +148,8 @@ def _events(drive: Drive, start_ns: int, silences: Mapping[str, AlarmRecord]) ->
             if end_s <= begin_s:
                 continue
             is_silence = gap.silent_s >= _SILENT_S
-            kind, what = ("silence", "silent") if is_silence else ("standstill", "no revolution")
-            words = f"{what} for {age(end_s - begin_s)}"
+            kind, state = ("silence", "silent") if is_silence else ("standstill", "no revolution")
+            words = f"{state} for {age(end_s - begin_s)}"
             alarm = silences.get(clean(position)) if is_silence else None
             if alarm is not None and alarm.count == 1:
                 words = f"{alarm.name}: {clean(text(alarm.reason))}"

@@ -152,8 +152,8 @@ def _signal(axes: Axes, wheel: WheelOrders, palette: _Palette) -> None:
     radial = wheel.statistics.block_mps2[_RADIAL]
     if np.isfinite(radial).all() and len(radial):
         # Every second sample of the grid is enough for the eye.
-        turns = np.arange(len(radial)) * (wheel.statistics.block_revolutions / len(radial))
-        axes.plot(turns[::2], radial[::2], color=palette.axes[_RADIAL], lw=0.7)
+        revolutions = np.arange(len(radial)) * (wheel.statistics.block_revolutions / len(radial))
+        axes.plot(revolutions[::2], radial[::2], color=palette.axes[_RADIAL], lw=0.7)
         axes.set_xlim(0, wheel.statistics.block_revolutions)
 
 
@@ -203,7 +203,7 @@ def _average(axes: Axes, wheel: WheelOrders, palette: _Palette) -> None:
     axes.legend(fontsize=9.0)
 
 
-def _share(axes: Axes, wheel: WheelOrders, palette: _Palette) -> None:
+def _integer_shares(axes: Axes, wheel: WheelOrders, palette: _Palette) -> None:
     statistics = wheel.statistics
     places = np.arange(len(AXIS_NAMES))
     share = 100.0 * statistics.integer_share
@@ -216,19 +216,19 @@ def _share(axes: Axes, wheel: WheelOrders, palette: _Palette) -> None:
     axes.set(ylim=(0, 116), ylabel="%", title="power on integer orders (dashed: noise)")
 
 
-_PICTURES: Final = (_spectrum, _waterfall, _signal, _by_speed, _average, _share)
+_PICTURES: Final = (_spectrum, _waterfall, _signal, _by_speed, _average, _integer_shares)
 
 
 def orders_page(wheels: Sequence[WheelOrders], recording: str, start_ns: int | None = None) -> str:
     """Return a page with verdict, figures and tables of every wheel, which loads nothing; errors as `result_page`."""
-    said = order_verdict(wheels)
+    verdict = order_verdict(wheels)
     return result_page(
         *_TEMPLATE,
         title=f"Orders of {clean(recording)}",
         facts=" · ".join([date_utc(start_ns or 0), *map(_title, wheels)]),
-        answer=said.answer,
-        lines=said.lines,
-        steps=said.steps,
+        answer=verdict.answer,
+        lines=verdict.lines,
+        steps=verdict.steps,
         axes=AXIS_NAMES,
         wheels=[
             {

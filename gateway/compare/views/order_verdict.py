@@ -15,7 +15,7 @@ from gateway.core.text.wording import text
 
 _RADIAL: Final = AXIS_NAMES.index("radial")
 _MAX_LINES: Final = 3
-_MADE_BY: Final = {
+_CAUSES: Final = {
     Keeps.ORDER: "it keeps its order as the speed changes: something that turns with the wheel, but not as fast, such "
     "as another shaft, a drum, a gear or a bearing",
     Keeps.FREQUENCY: "it keeps its frequency as the speed changes: usually a resonance of suspension, rim or air "
@@ -51,7 +51,7 @@ def order_verdict(wheels: Sequence[WheelOrders]) -> OrderVerdict:
     steps += [_step(wheel, line) for wheel, line in standing]
     answer = " ".join(_sentences(wheels, [wheel for wheel, _ in standing], is_calm=not steps))
     return OrderVerdict(
-        answer or "No wheel has a usable revolution.", [_told(wheel, line) for wheel, line in standing], steps
+        answer or "No wheel has a usable revolution.", [_line_text(wheel, line) for wheel, line in standing], steps
     )
 
 
@@ -60,7 +60,7 @@ def _sentences(wheels: Sequence[WheelOrders], standing: Sequence[WheelOrders], *
     if judged:
         names = ", ".join(dict.fromkeys(clean(wheel.wheel) for wheel in standing))
         if names:
-            yield f"Between the orders {counted(len(standing), 'line')} {_stands(standing)} out: {names}."
+            yield f"Between the orders {counted(len(standing), 'line')} {_verb(standing)} out: {names}."
         else:
             yield (
                 "Nothing stands out between the orders: beyond what noise makes, no line has "
@@ -76,7 +76,7 @@ def _sentences(wheels: Sequence[WheelOrders], standing: Sequence[WheelOrders], *
         )
 
 
-def _stands(standing: Sequence[WheelOrders]) -> str:
+def _verb(standing: Sequence[WheelOrders]) -> str:
     return "stands" if len(standing) == 1 else "stand"
 
 
@@ -86,11 +86,11 @@ def _largest(wheels: Sequence[WheelOrders]) -> str:
     return f"order is {orders[0]}" if len(orders) == 1 else f"orders are {orders[0]} to {orders[-1]}"
 
 
-def _told(wheel: WheelOrders, line: OutstandingLine) -> str:
+def _line_text(wheel: WheelOrders, line: OutstandingLine) -> str:
     return (
         f"{clean(wheel.wheel)}, {line.axis} axis: order {line.order:.2f} (about {line.frequency_hz:.0f} Hz) at "
         f"{wheel.speeds_text(0, *line.range_radps)}, {line.amplitude_mps2:.2g} m/s², "
-        f"{line.times:.1f} times what lies around it; {_MADE_BY[line.keeps]}."
+        f"{line.times:.1f} times what lies around it; {_CAUSES[line.keeps]}."
     )
 
 
@@ -101,11 +101,11 @@ def _step(wheel: WheelOrders, line: OutstandingLine) -> dict[str, str]:
 
 def _conditions(wheel: WheelOrders) -> Iterator[dict[str, str]]:
     """Yield what keeps the orders of a wheel from being judged."""
-    about = clean(wheel.wheel)
+    subject = clean(wheel.wheel)
     for doubt in wheel.doubts:
-        yield {"about": about, "step": clean(text(doubt))}
+        yield {"about": subject, "step": clean(text(doubt))}
     if wheel.rejected:
         left_out = f"{counted(wheel.rejected, 'revolution')} with faults left out: treadlink inspect says what was lost"
-        yield {"about": about, "step": left_out}
+        yield {"about": subject, "step": left_out}
     if not wheel.statistics.blocks:
-        yield {"about": about, "step": f"record {BLOCK_REVOLUTIONS} revolutions in a row at a steady speed"}
+        yield {"about": subject, "step": f"record {BLOCK_REVOLUTIONS} revolutions in a row at a steady speed"}

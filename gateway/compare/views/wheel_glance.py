@@ -17,7 +17,7 @@ def number(cells: Cells, name: str) -> float:
     return float(value) if isinstance(value, int | float) else math.nan
 
 
-def _stated(cells: Cells, name: str) -> str:
+def _condition(cells: Cells, name: str) -> str:
     """Return a condition with its error and unit."""
     unit = split_name(name)[1]
     stem, _, suffix = name.rpartition("_")
@@ -29,16 +29,16 @@ def _stated(cells: Cells, name: str) -> str:
 def _spread(cells: Cells, names: Sequence[str]) -> str:
     """Return the mean of a quantity with its least and its greatest value."""
     unit = split_name(names[0])[1]
-    mean, least, most = (fixed(unit.of(number(cells, name)), 1) for name in names)
-    return mean if mean == MISSING else f"{mean} {unit.symbol}, {least} to {most}"
+    mean, lowest, highest = (fixed(unit.of(number(cells, name)), 1) for name in names)
+    return mean if mean == MISSING else f"{mean} {unit.symbol}, {lowest} to {highest}"
 
 
 def _speed(cells: Cells) -> str:
     """Return the mean speed with its span and the status of the speed; why is said where the speed stands."""
-    shown, status = _spread(cells, _SPEEDS), cells.get("speed_status")
+    speed, status = _spread(cells, _SPEEDS), cells.get("speed_status")
     if status in (None, Status.VALID):
-        return shown
-    return f"{shown} {status}" if shown == MISSING else f"{shown}; {status}"
+        return speed
+    return f"{speed} {status}" if speed == MISSING else f"{speed}; {status}"
 
 
 def _revolutions(cells: Cells) -> str:
@@ -53,10 +53,10 @@ def _lost(cells: Cells) -> str:
     return f"{100.0 * lost / (samples + lost):.3g} %{_silence(cells, ', besides', ' of silence')}"
 
 
-def _silence(cells: Cells, before: str, behind: str = "") -> str:
+def _silence(cells: Cells, prefix: str, suffix: str = "") -> str:
     """Return the time for which the wheel was silent between two words, empty where it never was."""
     silent_s = number(cells, "silent_s")
-    return f"{before} {age(silent_s)}{behind}" if silent_s > 0.0 else ""
+    return f"{prefix} {age(silent_s)}{suffix}" if silent_s > 0.0 else ""
 
 
 _SPEEDS: Final = tuple(f"speed_{part}_mps" for part in ("mean", "min", "max"))
@@ -66,10 +66,10 @@ GLANCE: Final[tuple[tuple[str, Callable[[Cells], str]], ...]] = (
     ("revolutions", _revolutions),
     ("distance", lambda cells: str(cells.get("distance") or f"{fixed(number(cells, 'distance_m'), 1)} m")),
     ("speed, mean and span", lambda cells: _speed(cells) + _silence(cells, "; not measured for")),
-    ("load, stated", lambda cells: _stated(cells, "load_n")),
-    ("pressure", lambda cells: _stated(cells, "pressure_pa")),
+    ("load, stated", lambda cells: _condition(cells, "load_n")),
+    ("pressure", lambda cells: _condition(cells, "pressure_pa")),
     ("temperature, mean and span", lambda cells: _spread(cells, _TEMPERATURES)),
-    ("belt radius", lambda cells: f"{_stated(cells, 'radius_m')} ({cells.get('radius_source') or 'stated'})"),
+    ("belt radius", lambda cells: f"{_condition(cells, 'radius_m')} ({cells.get('radius_source') or 'stated'})"),
     ("samples lost", _lost),
 )
 """Label of each line, and its text; MISSING for what is not known."""

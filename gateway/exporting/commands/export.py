@@ -107,7 +107,7 @@ def export(
         click.echo(clean(notice_text(doubt)), err=is_stdout(out))
     if not is_stdout(out):
         size = f", {file_size(out.stat().st_size)}" if out.is_file() else ""
-        columns = ", ".join(f"{count} columns of {what}" for what, count in report.columns.items())
+        columns = ", ".join(f"{count} columns of {content}" for content, count in report.columns.items())
         click.echo(clean(f"written: {out} ({report.rows} rows, {columns}, {', '.join(report.wheels)}{size})"))
     if report.damage is not None:
         raise TreadlinkError(text(report.damage), "The readable part was exported.")

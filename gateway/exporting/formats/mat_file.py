@@ -89,9 +89,9 @@ def _streamed(kind: int, size: int, data: Iterable[bytes]) -> _Element:
     return _Element(8 + size + padding, parts())
 
 
-def _matrix(of_class: int, rows: int, columns: int, name: str, content: Sequence[_Element]) -> _Element:
+def _matrix(array_class: int, rows: int, columns: int, name: str, content: Sequence[_Element]) -> _Element:
     head = [
-        _plain(_UINT32, struct.pack("<II", of_class, 0)),
+        _plain(_UINT32, struct.pack("<II", array_class, 0)),
         _plain(_INT32, struct.pack("<ii", rows, columns)),
         _plain(_INT8, name.encode("ascii")),
     ]
@@ -116,10 +116,10 @@ def _scalar(value: Cell) -> _Element:
     if isinstance(value, str):
         return _text(value)
     if isinstance(value, int):
-        of_class, kind = _NUMBERS[int]
-        return _matrix(of_class, 1, 1, "", [_plain(kind, struct.pack("<q", value))])
-    of_class, kind = _NUMBERS[float]
-    return _matrix(of_class, 1, 1, "", [_plain(kind, struct.pack("<d", value))])
+        array_class, kind = _NUMBERS[int]
+        return _matrix(array_class, 1, 1, "", [_plain(kind, struct.pack("<q", value))])
+    array_class, kind = _NUMBERS[float]
+    return _matrix(array_class, 1, 1, "", [_plain(kind, struct.pack("<d", value))])
 
 
 def _structure(fields: Mapping[str, _Element], name: str = "") -> _Element:
@@ -136,9 +136,9 @@ def _column(column: Column, file: ColumnFile) -> _Element:
         size = sum(_text(text.decode()).size for text in file.texts(column))
         cells = _Element(size, (part for text in file.texts(column) for part in _text(text.decode()).parts))
         return _matrix(_CELL_CLASS, file.rows, 1, "", [cells])
-    of_class, kind = _NUMBERS[column.kind]
+    array_class, kind = _NUMBERS[column.kind]
     size = file.rows * DTYPES[column.kind].itemsize
-    return _matrix(of_class, file.rows, 1, "", [_streamed(kind, size, file.stored(column))])
+    return _matrix(array_class, file.rows, 1, "", [_streamed(kind, size, file.stored(column))])
 
 
 def _variable(name: str, table: WheelTable, file: ColumnFile) -> _Element:

@@ -105,8 +105,8 @@ class McapExport(ExportWriter):
         """Append a message for each row."""
         name = topic(table)
         channel, sequence = self._channels[name], self._sequences[name]
-        shown = [column for column in table.columns if column.name not in _LEFT_OUT]
-        for host_ns, data in zip(block[HOST_NS].tolist(), _messages(shown, block), strict=True):
+        columns = [column for column in table.columns if column.name not in _LEFT_OUT]
+        for host_ns, data in zip(block[HOST_NS].tolist(), _messages(columns, block), strict=True):
             self._writer.add_message(channel, host_ns, data, host_ns, sequence & 0xFFFFFFFF)
             sequence += 1
         self._sequences[name] = sequence

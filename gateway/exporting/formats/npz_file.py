@@ -22,8 +22,8 @@ class NpzExport(ColumnwiseExport):
     def end(self) -> None:
         """Write the archive."""
         with zipfile.ZipFile(self.target.file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
-            about = np.array(json.dumps(_about(self.tables)))
-            _put(archive, ABOUT, about.dtype, (), [about.tobytes()])
+            metadata = np.array(json.dumps(_metadata(self.tables)))
+            _put(archive, ABOUT, metadata.dtype, (), [metadata.tobytes()])
             for table in self.tables:
                 for column in table.columns:
                     self._put_column(archive, table.wheel, column)
@@ -57,7 +57,7 @@ def _put(
             file.write(piece)
 
 
-def _about(tables: Sequence[WheelTable]) -> dict[str, object]:
+def _metadata(tables: Sequence[WheelTable]) -> dict[str, object]:
     return {
         "columns": {
             column.name: {"unit": column.unit, "description": column.description} for column in tables[0].columns

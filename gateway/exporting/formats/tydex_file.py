@@ -68,16 +68,16 @@ class TydexExport(ExportWriter):
         assert self._table is not None
         measured = [column for column in self._file.columns if _is_known(column, self._file)]
         keys = channel_keys(column.name for column in measured)
-        self._put(_head(self._table, [column for column in self._table.columns if column not in measured], keys))
-        self._put(
+        self._write_text(_head(self._table, [column for column in self._table.columns if column not in measured], keys))
+        self._write_text(
             _line(keys[column.name], column.description, column.unit or "-", f"{1:<10}{0:<10}{0}")
             for column in measured
         )
-        self._put(["", "**MEASURDATA"])
+        self._write_text(["", "**MEASURDATA"])
         for block in self._file.blocks():
             cells = [_cells(column, block) for column in measured]
-            self._put(map(" ".join, zip(*cells, strict=True)))
-        self._put(["", "**END"])
+            self._write_text(map(" ".join, zip(*cells, strict=True)))
+        self._write_text(["", "**END"])
         self.discard()
 
     def discard(self) -> None:
@@ -85,7 +85,7 @@ class TydexExport(ExportWriter):
         if self._file is not None:
             self._file.close()
 
-    def _put(self, lines: Iterator[str] | Sequence[str]) -> None:
+    def _write_text(self, lines: Iterator[str] | Sequence[str]) -> None:
         for line in lines:
             self._target.file.write(f"{line}\r\n".encode("ascii", "replace"))
 
@@ -94,16 +94,16 @@ def channel_keys(names: Iterator[str] | Sequence[str]) -> dict[str, str]:
     """Return a distinct key of at most eight capital letters and digits for each column."""
     keys: dict[str, str] = {}
     names = list(names)
-    taken = {_CHANNELS[name] for name in names if name in _CHANNELS}
+    used_keys = {_CHANNELS[name] for name in names if name in _CHANNELS}
     for name in names:
         key = _CHANNELS.get(name, "")
         if not key:
             plain = re.sub(r"[^A-Z0-9]", "", name.upper())
             key, number = plain[:_KEY_CHARS], 1
-            while key in taken:
+            while key in used_keys:
                 number += 1
                 key = f"{plain[: _KEY_CHARS - len(str(number))]}{number}"
-            taken.add(key)
+            used_keys.add(key)
         keys[name] = key
     return keys
 
@@ -119,14 +119,14 @@ def _head(table: WheelTable, left_out: Sequence[Column], keys: Mapping[str, str]
     conditions = {entry.name: entry for entry in table.conditions}
     start = conditions.get(START_NS)
     since = start.value * 1e-9 if start is not None and isinstance(start.value, int) else 0.0
-    begun = datetime.datetime.fromtimestamp(since, datetime.UTC)
+    start_time = datetime.datetime.fromtimestamp(since, datetime.UTC)
     recording = conditions.get("recording")
     yield "**HEADER"
     yield _line("RELEASE", "Release of TYDEX-Format", "", "1.3")
     yield _line("MEASID", "Measurement ID", "", "" if recording is None else recording.value)
     yield _line("SUPPLIER", "Data supplier", "", f"treadlink {__version__}")
-    yield _line("DATE", "Date", "", f"{begun:%d.%m.%Y}")
-    yield _line("CLCKTIME", "Clocktime (UTC)", "", f"{begun:%H:%M:%S}")
+    yield _line("DATE", "Date", "", f"{start_time:%d.%m.%Y}")
+    yield _line("CLCKTIME", "Clocktime (UTC)", "", f"{start_time:%H:%M:%S}")
     yield from ("", "**COMMENTS")
     yield f"{table.what} of wheel {table.wheel}"
     for entry in table.conditions:

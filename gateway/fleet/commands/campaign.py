@@ -203,7 +203,7 @@ def campaign(
                     config=settings.vehicle,
                     key_file=key_file,
                     stop=stop,
-                    on_tire=lambda done, every: click.echo(f"diagnosed {done} of {every} tires", err=True),
+                    on_tire=lambda done, total: click.echo(f"diagnosed {done} of {total} tires", err=True),
                 )
     _report(progress, failures, root)
     if counts is not None:
@@ -231,7 +231,7 @@ def _check_scheduler(scheduler: str, jobs: int | None) -> None:
 def _report_diagnoses(counts: DiagnosisCounts) -> None:
     """Print what was diagnosed, and why some tires and recordings were not."""
     click.echo(f"tires: {counts.made} diagnosed, {counts.made_before} done before, {counts.failed} without a diagnosis")
-    _list(_tire_lines((tire, (why,)) for tire, why in counts.reasons), "table diagnoses")
+    _list(_tire_lines((tire, (reason,)) for tire, reason in counts.reasons), "table diagnoses")
     if counts.left_out:
         recordings = sum(len(reasons) for _, reasons in counts.left_out)
         click.echo(f"recordings left out of a diagnosis: {recordings}")
@@ -248,7 +248,7 @@ def _list(lines: Sequence[str], where: str) -> None:
 
 def _tire_lines(tires: Iterable[tuple[tuple[str, ...], Sequence[str]]]) -> list[str]:
     """Return what is stated of tires."""
-    return [f"{clean(' '.join(filter(None, tire)))}: {clean(why)}" for tire, reasons in tires for why in reasons]
+    return [f"{clean(' '.join(filter(None, tire)))}: {clean(reason)}" for tire, reasons in tires for reason in reasons]
 
 
 def _stopped(stop: StopRequest) -> None:
@@ -259,14 +259,14 @@ def _stopped(stop: StopRequest) -> None:
 
 def _waiting(clock: Clock, stop: StopRequest, root: Path) -> Callable[[str], bool]:
     """Return what waits for another campaign on the dataset, and says so once."""
-    said = False
+    is_reported = False
 
     def wait(holder: str) -> bool:
-        nonlocal said
-        if not said:
-            said = True
-            who = f" ({clean(holder)})" if holder else ""
-            click.echo(f"waiting for another campaign on '{root}'{who}", err=True)
+        nonlocal is_reported
+        if not is_reported:
+            is_reported = True
+            holder_note = f" ({clean(holder)})" if holder else ""
+            click.echo(f"waiting for another campaign on '{root}'{holder_note}", err=True)
         clock.sleep_until_ns(clock.now_ns() + 200_000_000)
         return not stop.is_set()
 
@@ -332,10 +332,10 @@ def _report(progress: CampaignProgress, failures: list[tuple[Path, Failure]], ro
     from gateway.core.text.numbers import duration
 
     rate = progress.estimated / progress.elapsed_s if progress.elapsed_s > 0.0 else 0.0
-    took = f" in {duration(progress.elapsed_s)} ({rate:.2g} per second)" if progress.estimated else ""
-    estimated = f"{counted(progress.estimated, 'recording')} estimated{took}"
+    timing = f" in {duration(progress.elapsed_s)} ({rate:.2g} per second)" if progress.estimated else ""
+    estimated = f"{counted(progress.estimated, 'recording')} estimated{timing}"
     click.echo(f"{estimated}, {counted(progress.revolutions, 'revolution')}")
-    for count, words in (
+    for count, description in (
         (progress.done_before, "done before"),
         (progress.copies, "with the content of another"),
         (progress.restored, "estimated again, because their file in the dataset was missing or damaged"),
@@ -343,7 +343,7 @@ def _report(progress: CampaignProgress, failures: list[tuple[Path, Failure]], ro
         (progress.failed, "failed"),
     ):
         if count:
-            click.echo(f"{count} {words}")
+            click.echo(f"{count} {description}")
     _list([f"{clean(str(path))}: {clean(text(failure.reason))}" for path, failure in failures], "table failures")
     if progress.damaged:
         click.echo(
@@ -352,7 +352,7 @@ def _report(progress: CampaignProgress, failures: list[tuple[Path, Failure]], ro
     _list([f"{clean(str(path))}: see treadlink inspect" for path in progress.damaged], "column damage")
     if progress.standing or progress.with_alarms:
         click.echo(for_terminal(", ".join(_troubles(progress))))
-    _list(_tire_lines(((str(path), position), (why,)) for path, position, why in progress.standing), "column missing")
+    _list(_tire_lines(((str(path), position), (note,)) for path, position, note in progress.standing), "column missing")
     if progress.peak_bytes:
         click.echo(f"largest worker process: {file_size(progress.peak_bytes)}")
     click.echo(f"dataset: {root}")

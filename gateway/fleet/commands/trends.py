@@ -93,9 +93,9 @@ def trends(
 
         write_trends_page(fleet_trends, html_path, force=force)
     # A table on standard output must not be mixed with other lines.
-    say = SummaryOutput(outputs)
-    for line in trend_lines(fleet_trends, terminal_columns(on_err=say.err)):
-        say(line)
+    summary = SummaryOutput(outputs)
+    for line in trend_lines(fleet_trends, terminal_columns(on_err=summary.err)):
+        summary(line)
     for path in outputs:
-        say.written(path)
-    say.finish()
+        summary.written(path)
+    summary.finish()

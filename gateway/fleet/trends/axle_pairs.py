@@ -48,18 +48,18 @@ def _difference(
 ) -> TrendNumber:
     quantity = asymmetry_of(compared)
     first, second = _by_path(left_tires, compared.column), _by_path(right_tires, compared.column)
-    starts = {
+    times = {
         path: (int(time_ns), path)
         for tire in left_tires
         for path, time_ns in zip(tire.paths, tire.time_ns, strict=True)
     }
-    common = sorted(first.keys() & second.keys(), key=lambda path: starts[path])
-    differences = np.array([first[path][0] - second[path][0] for path in common]) * _ANGLES
-    stds = np.array([math.hypot(first[path][1], second[path][1]) for path in common]) * _ANGLES
-    if len(common) < LEAST_FREEDOM + 1:
-        reason = Reason(FleetCode.TREND_TOO_FEW, count=len(common), needed=LEAST_FREEDOM + 1)
+    paths = sorted(first.keys() & second.keys(), key=lambda path: times[path])
+    differences = np.array([first[path][0] - second[path][0] for path in paths]) * _ANGLES
+    stds = np.array([math.hypot(first[path][1], second[path][1]) for path in paths]) * _ANGLES
+    if len(paths) < LEAST_FREEDOM + 1:
+        reason = Reason(FleetCode.TREND_TOO_FEW, count=len(paths), needed=LEAST_FREEDOM + 1)
         return TrendNumber(quantity, unit="deg", reasons=(reason,))
-    design = np.ones((len(common), 1))
+    design = np.ones((len(paths), 1))
     search = find_outliers(design, differences, weights_of(design, differences, stds), family=1)
     fit = search.fit
     if fit is None:
@@ -68,22 +68,22 @@ def _difference(
     value, std = float(fit.coefficients[0]), math.hypot(fit.std(0), shared_std(stds))
     doubts = [
         first[path][2] or second[path][2]
-        for path, left_out in zip(common, search.is_outlier, strict=True)
+        for path, left_out in zip(paths, search.is_outlier, strict=True)
         if not left_out
     ]
-    why = [doubt] if (doubt := doubt_of(doubts)) is not None else []
+    reasons = [doubt] if (doubt := doubt_of(doubts)) is not None else []
     is_outlier = search.is_outlier
     for begin, end in runs_of_outliers(search):
-        if end == len(common):
-            why.append(Reason(FleetCode.TREND_NEWEST_LEFT, count=end - begin, date=date_of(starts[common[begin]][0])))
+        if end == len(paths):
+            reasons.append(Reason(FleetCode.TREND_NEWEST_LEFT, count=end - begin, date=date_of(times[paths[begin]][0])))
     notes = [Reason(FleetCode.TREND_OUTLIERS_LEFT_OUT, count=int(is_outlier.sum()))] if is_outlier.any() else []
     return TrendNumber(
         quantity,
         value,
         std,
         "deg",
-        Status.PROVISIONAL if why else Status.VALID,
-        (*why, *notes),
+        Status.PROVISIONAL if reasons else Status.VALID,
+        (*reasons, *notes),
         fit.freedom + 1,
         fit.freedom,
         value - 2.0 * std,

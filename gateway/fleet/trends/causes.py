@@ -112,9 +112,9 @@ def _follows(effect: Change, cause: Change, quantity: Quantity, explains: frozen
         return False
     # What drifts all the time may bend what follows it at any place.
     if effect.begin is not None and cause.begin is not None:
-        later = effect.begin - cause.begin
-        together = max(effect.apart, cause.apart)
-        if later < -together or (later > together and not cause.grows):
+        delay = effect.begin - cause.begin
+        tolerance = max(effect.apart, cause.apart)
+        if delay < -tolerance or (delay > tolerance and not cause.grows):
             return False
     # Through the sensor's gain, zero or place any other number may be read.
     if effect.log_ratio is None or cause.log_ratio is None or not explains <= _OF_TIRE:

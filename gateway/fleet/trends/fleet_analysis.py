@@ -86,30 +86,30 @@ def analyse(
 
 def _with_moves(trend: TireTrend, moves: Mapping[tuple[str, str, str], tuple[Reason, ...]]) -> TireTrend:
     """Return a tire with the findings of its moves to this wheel; of several tires of one sensor, the first."""
-    of_moves = moves.get((trend.vehicle, trend.position, trend.sensor_id), ()) if trend.part == 1 else ()
-    return replace(trend, findings=(*of_moves, *trend.findings))
+    move_findings = moves.get((trend.vehicle, trend.position, trend.sensor_id), ()) if trend.part == 1 else ()
+    return replace(trend, findings=(*move_findings, *trend.findings))
 
 
 def _tires_of(history: TireHistory, family: int) -> Iterator[TireHistory]:
     """Yield the tires that one sensor has seen: a fall of the wear is a new tire, unless a statement explains it."""
     wear = history.column("wear_mm")
     measured = np.flatnonzero(np.isfinite(wear))
-    begins: list[int] = []
+    starts: list[int] = []
     if len(measured) > LEAST_FREEDOM + 2:
         levels = level_columns(measured, places_of(stated_changes(history), "wear_mm"))
         design = np.column_stack([np.ones(len(measured)), centred(history.km[measured]), *levels])
         steps = find_steps(design, wear[measured], family=family, min_size=NEW_TIRE_MM)
         if levels and steps:
-            whole = np.column_stack([design, *level_columns(np.arange(len(measured)), steps)])
-            by_levels = np.linalg.lstsq(whole, wear[measured], rcond=None)[0][2 : 2 + len(levels)]
+            full_design = np.column_stack([design, *level_columns(np.arange(len(measured)), steps)])
+            by_levels = np.linalg.lstsq(full_design, wear[measured], rcond=None)[0][2 : 2 + len(levels)]
             wear = wear.copy()
             wear[measured] -= np.column_stack(levels) @ by_levels
         edges = [0, *steps, len(measured)]
-        for before, after in zip(edges, edges[2:], strict=False):
-            fall = _fall(history.km[measured[before:after]], wear[measured[before:after]])
+        for begin, end in zip(edges, edges[2:], strict=False):
+            fall = _fall(history.km[measured[begin:end]], wear[measured[begin:end]])
             if fall is not None:
-                begins.append(int(measured[before + fall]))
-    yield from history.split(begins)
+                starts.append(int(measured[begin + fall]))
+    yield from history.split(starts)
 
 
 def _fall(km: FloatArray, wear: FloatArray) -> int | None:
@@ -118,7 +118,7 @@ def _fall(km: FloatArray, wear: FloatArray) -> int | None:
     A tire that begins to wear faster makes a step of a single line, too: there a change of slope fits better than a
     fall between lines of one slope, and lines of their own meet.
     """
-    count, along = len(km), np.column_stack([np.ones(len(km)), centred(km)])
+    count, line_design = len(km), np.column_stack([np.ones(len(km)), centred(km)])
     index = np.arange(count)
 
     def squares(columns: FloatArray) -> float:
@@ -127,7 +127,7 @@ def _fall(km: FloatArray, wear: FloatArray) -> int | None:
 
     def two_lines(begin: int) -> FloatArray:
         late = (index >= begin).astype(np.float64)
-        return np.column_stack([along, late, late * (km - 0.5 * (km[begin - 1] + km[begin]))])
+        return np.column_stack([line_design, late, late * (km - 0.5 * (km[begin - 1] + km[begin]))])
 
     places = range(LEAST_POINTS, count - LEAST_POINTS + 1)
     if not places or count - 4 < LEAST_FREEDOM:
@@ -144,21 +144,21 @@ def _fall(km: FloatArray, wear: FloatArray) -> int | None:
     step = two_lines(begin)[:, :3]
     fall = -float(np.linalg.lstsq(step, wear, rcond=None)[0][2])
     knees = range(1, count - 1)
-    bent = min(squares(np.column_stack([along, np.maximum(km - km[knee], 0.0)])) for knee in knees)
-    return begin if fall >= NEW_TIRE_MM and squares(step) < bent else None
+    bent_squares = min(squares(np.column_stack([line_design, np.maximum(km - km[knee], 0.0)])) for knee in knees)
+    return begin if fall >= NEW_TIRE_MM and squares(step) < bent_squares else None
 
 
 def _trend_of(tire: TireWork) -> tuple[TireTrend, TireWork]:
     history = tire.history
     # What the wear follows comes first, what is graver is told first.
     add_load(tire)
-    of_load = tire.numbers, tire.series, tire.findings
+    load_results = tire.numbers, tire.series, tire.findings
     tire.numbers, tire.series, tire.findings = [], [], []
     add_wear(tire)
     add_pressure(tire)
-    tire.numbers += of_load[0]
-    tire.series += of_load[1]
-    tire.findings += of_load[2]
+    tire.numbers += load_results[0]
+    tire.series += load_results[1]
+    tire.findings += load_results[2]
     for series in followed_by(Trend.LINE):
         add_rate(tire, series)
     for series in followed_by(Trend.STIFFNESS):
@@ -167,15 +167,15 @@ def _trend_of(tire: TireWork) -> tuple[TireTrend, TireWork]:
     findings = with_causes([_dated(history, finding) for finding in tire.findings], tire.onsets)
     findings += findings_of_changes(history, tire.changes)
     findings += tire.readings.findings
-    findings += _of_structure(history)
-    of_steady_value = any(
+    findings += _structure_findings(history)
+    has_steady_drift = any(
         finding.series and Basis.GAIN in SERIES[finding.series].watch.explains for finding in tire.findings
     )
     findings += [
         finding
         for finding in findings_of_recordings(history)
         # Each recording alarms of the steady value by itself; the sensor's drift is the cause.
-        if not (of_steady_value and finding.code is FleetCode.TREND_ALARMS and finding["name"] == Subject.STEADY)
+        if not (has_steady_drift and finding.code is FleetCode.TREND_ALARMS and finding["name"] == Subject.STEADY)
     ]
     trend = TireTrend(
         vehicle=history.vehicle,
@@ -206,7 +206,7 @@ def _dated(history: TireHistory, finding: Finding) -> Finding:
     return finding._replace(reason=Reason(finding.reason.code, **values))
 
 
-def _of_structure(history: TireHistory) -> list[Reason]:
+def _structure_findings(history: TireHistory) -> list[Reason]:
     """Return the finding of a structure that changes, where there is one."""
     change = structure_change(history)
     if change is None:
@@ -229,42 +229,42 @@ def _since(history: TireHistory, change: StructureChange) -> dict[str, Value]:
     since = history.since(change.begin)
     if "since_std_s" in since:
         times, begin = history.time_ns, change.begin
-        tried = times[[max(begin - STEPS_APART, 0), begin]] if change.is_sudden else times[[0, -1]] / len(RAMPS)
-        since["since_std_s"] = 1e-9 * float(np.ptp(tried)) / math.sqrt(12.0)
+        bounds_ns = times[[max(begin - STEPS_APART, 0), begin]] if change.is_sudden else times[[0, -1]] / len(RAMPS)
+        since["since_std_s"] = 1e-9 * float(np.ptp(bounds_ns)) / math.sqrt(12.0)
     return since
 
 
 def _with_fast_wear(tires: Sequence[TireTrend]) -> tuple[TireTrend, ...]:
     """Add a finding to tires that wear much faster than the median of the fleet: that tires wear is none."""
-    rates = [next(n for n in tire.numbers if n.quantity == Quantity.WEAR_RATE) for tire in tires]
+    rates = [next(number for number in tire.numbers if number.quantity == Quantity.WEAR_RATE) for tire in tires]
     valid_rates = [rate.value for rate in rates if rate.status is Status.VALID]
     if len(valid_rates) < _LEAST_FLEET:
         return tuple(tires)
-    middle = float(np.median(valid_rates))
-    scatter = _MAD_TO_STD * float(np.median(np.abs(np.array(valid_rates) - middle)))
-    judged = []
+    median_rate = float(np.median(valid_rates))
+    scatter = _MAD_TO_STD * float(np.median(np.abs(np.array(valid_rates) - median_rate)))
+    results = []
     for tire, rate in zip(tires, rates, strict=True):
-        is_fast = rate.status is Status.VALID and rate.value - middle > max(
-            _FAST_WEAR_STDS * rate.std, (_FAST_WEAR - 1.0) * max(middle, 0.0), _FAST_WEAR_SCATTERS * scatter
+        is_fast = rate.status is Status.VALID and rate.value - median_rate > max(
+            _FAST_WEAR_STDS * rate.std, (_FAST_WEAR - 1.0) * max(median_rate, 0.0), _FAST_WEAR_SCATTERS * scatter
         )
         finding = Reason(
-            FleetCode.TREND_WEARS_FAST, rate_m=1e-3 * rate.value, std_m=1e-3 * rate.std, median_m=1e-3 * middle,
+            FleetCode.TREND_WEARS_FAST, rate_m=1e-3 * rate.value, std_m=1e-3 * rate.std, median_m=1e-3 * median_rate,
             since_s=1e-9 * tire.first_ns,
         )  # fmt: skip
-        judged.append(replace(tire, findings=(finding, *tire.findings)) if is_fast else tire)
-    return tuple(judged)
+        results.append(replace(tire, findings=(finding, *tire.findings)) if is_fast else tire)
+    return tuple(results)
 
 
 def _without_permeation(tires: Sequence[TireTrend]) -> tuple[TireTrend, ...]:
     """Leave out the finding of a loss of pressure that tires of the fleet have alike: rubber lets gas through."""
-    losses = [next(n for n in tire.numbers if n.quantity == Quantity.PRESSURE_LOSS) for tire in tires]
+    losses = [next(number for number in tire.numbers if number.quantity == Quantity.PRESSURE_LOSS) for tire in tires]
     valid_losses = [loss.value for loss in losses if loss.status is Status.VALID]
     if len(valid_losses) < _LEAST_FLEET:
         return tuple(tires)
-    usual_kpa = min(max(float(np.median(valid_losses)) + _EXCESS_LOSS_KPA, 0.0), _MOST_PERMEATION_KPA)
+    limit_kpa = min(max(float(np.median(valid_losses)) + _EXCESS_LOSS_KPA, 0.0), _MOST_PERMEATION_KPA)
     return tuple(
         replace(tire, findings=tuple(item for item in tire.findings if item.code is not FleetCode.TREND_LOSES_PRESSURE))
-        if loss.value <= usual_kpa
+        if loss.value <= limit_kpa
         else tire
         for tire, loss in zip(tires, losses, strict=True)
     )

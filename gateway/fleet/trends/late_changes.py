@@ -22,7 +22,7 @@ _FALSE_RATE: Final = 0.01
 # Shorter ones may be a single drive; those of LEAST_POINTS and more are steps.
 _LAST_VALUES: Final = range(2, LEAST_POINTS)
 # Values that are left out in turn: those that support a change most.
-_LEFT_OUT: Final = 6
+_OMITTED_COUNT: Final = 6
 # A smaller change may be significant in a long series, but moves the newest value by less than one recording's scatter.
 _LEAST_SCATTERS: Final = 1.0
 # Scatters by which an isolated value lies beyond all of its four neighbours: normal ones hardly ever do.
@@ -100,102 +100,102 @@ def find_shape(
         # The newest values that have left the trend count as such, also where a step would do.
         others = find_steps(np.column_stack([design, first.column]), values, family=family, min_size=least_step)
         if others or steps:
-            again = changed(others) if others else first
+            other_change = changed(others) if others else first
             # Steps alone that leave no change are not replaced by more parts: a scatter that grows would call for them.
-            if again is not None and (options[0].change is not None or len(others) < len(steps)):
-                options.append(Shape(others, again))
-    best = min(options, key=lambda shape: _criterion(design[keep], values[keep], shape, keep))
-    if best.change is not None and best.change.is_slope and least_step > 0.0:
+            if other_change is not None and (options[0].change is not None or len(others) < len(steps)):
+                options.append(Shape(others, other_change))
+    best_shape = min(options, key=lambda shape: _criterion(design[keep], values[keep], shape, keep))
+    if best_shape.change is not None and best_shape.change.is_slope and least_step > 0.0:
         # Steps that are too small to be reported make a change of slope, too.
-        small = Shape(find_steps(design, values, family=family), None)
-        if small.steps and _criterion(design[keep], values[keep], small, keep) <= _criterion(
-            design[keep], values[keep], best, keep
+        small_steps = Shape(find_steps(design, values, family=family), None)
+        if small_steps.steps and _criterion(design[keep], values[keep], small_steps, keep) <= _criterion(
+            design[keep], values[keep], best_shape, keep
         ):
             return Shape(steps, None)
-    return best
+    return best_shape
 
 
-def _criterion(rows: FloatArray, wanted: FloatArray, shape: Shape, keep: BoolArray) -> float:
+def _criterion(rows: FloatArray, targets: FloatArray, shape: Shape, keep: BoolArray) -> float:
     """Return the Bayesian information criterion; steps and changes have two parameters each, size and place."""
     count = len(keep)
     steps = (np.arange(count)[:, None] >= np.array(shape.steps, dtype=int)).astype(np.float64)[keep]
     columns = [rows, steps, *([shape.change.column[keep, None]] if shape.change is not None else [])]
-    residuals = _residuals(np.column_stack(columns), wanted)
-    squares = max(float(residuals @ residuals), _ROUNDING * float(wanted @ wanted), np.finfo(np.float64).tiny)
+    residuals = _residuals(np.column_stack(columns), targets)
+    squares = max(float(residuals @ residuals), _ROUNDING * float(targets @ targets), np.finfo(np.float64).tiny)
     parameters = 2 * (len(shape.steps) + (shape.change is not None))
-    return len(wanted) * math.log(squares) + parameters * math.log(len(wanted))
+    return len(targets) * math.log(squares) + parameters * math.log(len(targets))
 
 
 def _find_change(
-    design: FloatArray, values: FloatArray, keep: BoolArray, family: int, least: float
+    design: FloatArray, values: FloatArray, keep: BoolArray, family: int, least_size: float
 ) -> LateChange | None:
     """Return the most significant change; None without one that is significant and large enough."""
     retained = np.flatnonzero(keep)
-    rows, wanted = design[retained], values[retained]
+    rows, targets = design[retained], values[retained]
     count, columns = rows.shape
     if count - columns - 1 < LEAST_FREEDOM + 1:
         return None
     candidates = _candidates(design[:, 1], retained)
     if not candidates:
         return None
-    tried = np.column_stack([candidate.column[retained] for candidate in candidates])
+    regressors = np.column_stack([candidate.column[retained] for candidate in candidates])
     basis = np.linalg.qr(rows)[0]
-    residuals = wanted - basis @ (basis.T @ wanted)
-    across = tried - basis @ (basis.T @ tried)
-    squares = np.einsum("ij,ij->j", across, across)
-    usable = squares > 1e-9 * np.einsum("ij,ij->j", tried, tried)
-    gains = np.where(usable, (across.T @ residuals) ** 2 / np.where(usable, squares, 1.0), 0.0)
-    best = int(np.argmax(gains))
+    residuals = targets - basis @ (basis.T @ targets)
+    orthogonal = regressors - basis @ (basis.T @ regressors)
+    squares = np.einsum("ij,ij->j", orthogonal, orthogonal)
+    usable = squares > 1e-9 * np.einsum("ij,ij->j", regressors, regressors)
+    gains = np.where(usable, (orthogonal.T @ residuals) ** 2 / np.where(usable, squares, 1.0), 0.0)
+    peak = int(np.argmax(gains))
     level = _FALSE_RATE / max(family, 1) / len(candidates)
-    column = tried[:, best]
-    if not gains[best] > 0.0 or not _is_significant(rows, column, wanted, level):
+    column = regressors[:, peak]
+    if not gains[peak] > 0.0 or not _is_significant(rows, column, targets, level):
         return None
-    support = across[:, best] * residuals * np.sign(across[:, best] @ residuals)
-    for omitted in np.argsort(-support)[:_LEFT_OUT]:
-        others = np.arange(count) != omitted
-        if not _is_significant(rows[others], column[others], wanted[others], level):
+    support = orthogonal[:, peak] * residuals * np.sign(orthogonal[:, peak] @ residuals)
+    for omitted in np.argsort(-support)[:_OMITTED_COUNT]:
+        is_kept = np.arange(count) != omitted
+        if not _is_significant(rows[is_kept], column[is_kept], targets[is_kept], level):
             return None
-    size = abs(float(across[:, best] @ residuals) / float(squares[best]) * float(column[-1]))
-    rest = math.sqrt(max(float(residuals @ residuals) - float(gains[best]), 0.0) / (count - columns - 1))
-    return candidates[best] if size >= max(least, _LEAST_SCATTERS * rest) else None
+    size = abs(float(orthogonal[:, peak] @ residuals) / float(squares[peak]) * float(column[-1]))
+    scatter = math.sqrt(max(float(residuals @ residuals) - float(gains[peak]), 0.0) / (count - columns - 1))
+    return candidates[peak] if size >= max(least_size, _LEAST_SCATTERS * scatter) else None
 
 
 def _candidates(time: FloatArray, retained: IntArray) -> list[LateChange]:
     """Return changes of slope at each value, and of the level of the last few."""
     count, index = len(retained), np.arange(len(time))
     knees = range(LEAST_POINTS - 1, count - LEAST_AFTER)
-    apart = -(-len(knees) // _MOST_KNEES) or 1
+    stride = -(-len(knees) // _MOST_KNEES) or 1
     candidates = [
         LateChange(int(retained[knee + 1]), True, np.maximum(time - time[retained[knee]], 0.0))
         for number, knee in enumerate(reversed(knees))
-        if (number < _MOST_KNEES or number % apart == 0) and time[retained[knee + 1]] > time[retained[knee]]
+        if (number < _MOST_KNEES or number % stride == 0) and time[retained[knee + 1]] > time[retained[knee]]
     ]
     candidates += [
-        LateChange(int(retained[count - last]), False, (index >= retained[count - last]).astype(np.float64))
-        for last in _LAST_VALUES
-        if count - last >= LEAST_POINTS
+        LateChange(int(retained[count - length]), False, (index >= retained[count - length]).astype(np.float64))
+        for length in _LAST_VALUES
+        if count - length >= LEAST_POINTS
     ]
     return candidates
 
 
-def _is_significant(rows: FloatArray, column: FloatArray, wanted: FloatArray, level: float) -> bool:
+def _is_significant(rows: FloatArray, column: FloatArray, targets: FloatArray, level: float) -> bool:
     """Return whether a column reduces the residual by more than chance, for residuals that may follow each other."""
     from scipy import stats
 
     basis = np.linalg.qr(rows)[0]
-    across = column - basis @ (basis.T @ column)
-    square = float(across @ across)
+    orthogonal = column - basis @ (basis.T @ column)
+    square = float(orthogonal @ orthogonal)
     if not square > 1e-9 * float(column @ column):
         return False
-    residuals = wanted - basis @ (basis.T @ wanted)
-    gain = float(across @ residuals) ** 2 / square
-    after = residuals - across * (float(across @ residuals) / square)
-    freedom = len(wanted) - rows.shape[1] - 1
-    rest, rounding = float(after @ after), _ROUNDING * float(wanted @ wanted)
-    if gain <= rounding or rest <= rounding:
+    residuals = targets - basis @ (basis.T @ targets)
+    gain = float(orthogonal @ residuals) ** 2 / square
+    remaining = residuals - orthogonal * (float(orthogonal @ residuals) / square)
+    freedom = len(targets) - rows.shape[1] - 1
+    misfit, rounding = float(remaining @ remaining), _ROUNDING * float(targets @ targets)
+    if gain <= rounding or misfit <= rounding:
         return gain > rounding
-    rest *= correlation_factor(after, rows.shape[1] + 1)
-    return bool(stats.f.sf(gain * freedom / rest, 1, freedom) <= level)
+    misfit *= correlation_factor(remaining, rows.shape[1] + 1)
+    return bool(stats.f.sf(gain * freedom / misfit, 1, freedom) <= level)
 
 
 def _isolated(design: FloatArray, values: FloatArray) -> BoolArray:
@@ -204,13 +204,13 @@ def _isolated(design: FloatArray, values: FloatArray) -> BoolArray:
     if len(values) < 5:
         return is_isolated
     residuals = _residuals(design, values)
-    near = np.stack([residuals[:-4], residuals[1:-3], residuals[3:-1], residuals[4:]])
-    middle = residuals[2:-2]
-    beyond = np.maximum(middle - near.max(axis=0), near.min(axis=0) - middle)
+    neighbours = np.stack([residuals[:-4], residuals[1:-3], residuals[3:-1], residuals[4:]])
+    centre = residuals[2:-2]
+    excess = np.maximum(centre - neighbours.max(axis=0), neighbours.min(axis=0) - centre)
     scale = _MAD_TO_STD * float(np.median(np.abs(np.diff(residuals, 2)))) / math.sqrt(6.0)
-    is_isolated[2:-2] = beyond > _ISOLATED * scale
+    is_isolated[2:-2] = excess > _ISOLATED * scale
     return is_isolated if scale > 0.0 else np.zeros(len(values), dtype=bool)
 
 
-def _residuals(rows: FloatArray, wanted: FloatArray) -> FloatArray:
-    return np.asarray(wanted - rows @ np.linalg.lstsq(rows, wanted, rcond=None)[0])
+def _residuals(rows: FloatArray, targets: FloatArray) -> FloatArray:
+    return np.asarray(targets - rows @ np.linalg.lstsq(rows, targets, rcond=None)[0])

@@ -34,30 +34,30 @@ _LEAST_CERTAIN: Final = 4
 # A sensor resolves no better; fewer recordings may scatter less by chance.
 _LEAST_SCATTER_KPA: Final = 0.3
 # Rise between two recordings, in scatters of a difference, from which it is a refill.
-_REFILL: Final = 5.0
+_REFILL_STDS: Final = 5.0
 # Twice the log likelihood by which a leak explains more than a slow loss, and than a single fall of the pressure.
 _LEAST_GAIN: Final = 30.0
 _LEAST_OVER_FALL: Final = 15.0
 # The scatter is estimated from the recordings too.
-_OF_SCATTER: Final = 1.2
+_SCATTER_INFLATION: Final = 1.2
 # Sum of squares over its freedom beyond which a line is not what the recordings after the begin show.
 _MOST_MISFIT: Final = 4.0
 # Change of the ambient pressure by weather and altitude.
-_OF_AMBIENT_KPA: Final = 4.0
+_AMBIENT_STD_KPA: Final = 4.0
 # Relative error of the rate by the pressure itself beyond which a tire is nearly flat.
-_MOST_OF_LEVEL: Final = 0.2
+_MOST_LEVEL_ERROR: Final = 0.2
 # Faster losses only: slower ones are told by their likelihood over all refills.
 _LEAST_RATE_KPA: Final = 15.0
 
 
 # Newest recordings in which a leak may have begun, and those that the level before it is fitted to.
-_NEWEST: Final = 10
-_BASE: Final = 25
+_NEWEST_COUNT: Final = 10
+_BASE_COUNT: Final = 25
 # Scatters by which they are below it, along a leak, so that the rate before is not that of now.
 _FALL: Final = 3.0
 # Recordings between two refills that show a rate, and errors by which the rates before and after a refill differ.
 _LEAST_LINE: Final = 4
-_MENDED: Final = 5.0
+_MENDED_STDS: Final = 5.0
 
 
 class Leak(NamedTuple):
@@ -98,16 +98,16 @@ def flow(gauge_kpa: FloatArray) -> FloatArray:
     ratio = _AMBIENT_KPA / absolute
     critical = (2.0 / (_GAMMA + 1.0)) ** (_GAMMA / (_GAMMA - 1.0))
 
-    def psi(share: FloatArray) -> FloatArray:
-        return np.sqrt(np.maximum(share ** (2.0 / _GAMMA) - share ** ((_GAMMA + 1.0) / _GAMMA), 0.0))
+    def psi(ratios: FloatArray) -> FloatArray:
+        return np.sqrt(np.maximum(ratios ** (2.0 / _GAMMA) - ratios ** ((_GAMMA + 1.0) / _GAMMA), 0.0))
 
-    most = float(psi(np.array([critical]))[0])
-    share = np.maximum(np.where(ratio < critical, 1.0, psi(ratio) / most), _LEAST_FLOW)
+    choked_psi = float(psi(np.array([critical]))[0])
+    share = np.maximum(np.where(ratio < critical, 1.0, psi(ratio) / choked_psi), _LEAST_FLOW)
     return np.asarray(absolute * share, dtype=np.float64)
 
 
 @cache
-def _straight() -> tuple[FloatArray, FloatArray]:
+def _flow_integral() -> tuple[FloatArray, FloatArray]:
     """Return gauge pressures and the coordinate in which a leak is a straight line."""
     # The flow ends with a root of the difference, which the steps follow.
     gauge = 1500.0 * np.linspace(0.0, 1.0, 4001) ** 2
@@ -122,16 +122,16 @@ def straightened(gauge_kpa: FloatArray, at_kpa: float) -> FloatArray:
         gauge_kpa: (n,) at one temperature.
         at_kpa: pressure near which they are kPa.
     """
-    gauge, along = _straight()
-    at = float(np.interp(at_kpa, gauge, along))
-    return np.asarray(at_kpa + float(flow(np.array([at_kpa]))[0]) * (np.interp(gauge_kpa, gauge, along) - at))
+    gauge, integral = _flow_integral()
+    origin = float(np.interp(at_kpa, gauge, integral))
+    return np.asarray(at_kpa + float(flow(np.array([at_kpa]))[0]) * (np.interp(gauge_kpa, gauge, integral) - origin))
 
 
 def bent(along_kpa: FloatArray, at_kpa: float) -> FloatArray:
     """Return the pressures of straightened ones."""
-    gauge, along = _straight()
-    at = float(np.interp(at_kpa, gauge, along))
-    return np.interp(at + (along_kpa - at_kpa) / float(flow(np.array([at_kpa]))[0]), along, gauge)
+    gauge, integral = _flow_integral()
+    origin = float(np.interp(at_kpa, gauge, integral))
+    return np.interp(origin + (along_kpa - at_kpa) / float(flow(np.array([at_kpa]))[0]), integral, gauge)
 
 
 def _steepness(gauge_kpa: float) -> float:
@@ -150,33 +150,33 @@ def newest_fall(months: FloatArray, cold_kpa: FloatArray, scatter_kpa: float) ->
         cold_kpa: (n,) gauge pressures at one temperature.
         scatter_kpa: of single recordings.
     """
-    months, values = months[-_BASE:], cold_kpa[-_BASE:]
+    months, values = months[-_BASE_COUNT:], cold_kpa[-_BASE_COUNT:]
     skipped, count = len(cold_kpa) - len(values), len(values)
     scatter = max(scatter_kpa, _LEAST_SCATTER_KPA)
     changes = np.diff(values)
-    jumps = changes > _REFILL * math.sqrt(2.0) * scatter
+    jumps = changes > _REFILL_STDS * math.sqrt(2.0) * scatter
     # A fall that is long ago, after which the pressure held, was air that was let out.
-    old = max(count - 1 - _NEWEST, 0)
-    jumps[:old] |= changes[:old] < -_REFILL * math.sqrt(2.0) * scatter
-    part = np.concatenate([[0.0], np.cumsum(jumps)])
-    rows = np.column_stack([months - months[-1], part[:, None] == np.unique(part)[None, :]]).astype(np.float64)
-    begins = np.arange(max(count - _NEWEST, _LEAST_BEFORE), count)
-    if count <= rows.shape[1] + 1 or not begins.size:
+    newest_start = max(count - 1 - _NEWEST_COUNT, 0)
+    jumps[:newest_start] |= changes[:newest_start] < -_REFILL_STDS * math.sqrt(2.0) * scatter
+    pieces = np.concatenate([[0.0], np.cumsum(jumps)])
+    rows = np.column_stack([months - months[-1], pieces[:, None] == np.unique(pieces)[None, :]]).astype(np.float64)
+    onsets = np.arange(max(count - _NEWEST_COUNT, _LEAST_BEFORE), count)
+    if count <= rows.shape[1] + 1 or not onsets.size:
         return None
     # The leak begins with the last recording before it, or just before the first one of it.
-    ramps = [np.maximum(months - months[begin - 1], 0.0) for begin in begins]
-    ramps += [np.maximum(months - months[begin], 0.0) for begin in begins[:-1]]
-    tried = np.column_stack(ramps)
+    ramps = [np.maximum(months - months[onset - 1], 0.0) for onset in onsets]
+    ramps += [np.maximum(months - months[onset], 0.0) for onset in onsets[:-1]]
+    ramp_columns = np.column_stack(ramps)
     basis = np.linalg.qr(rows)[0]
     residuals = values - basis @ (basis.T @ values)
-    tried = tried - basis @ (basis.T @ tried)
-    lengths = np.sqrt(np.einsum("ij,ij->j", tried, tried))
+    ramp_columns = ramp_columns - basis @ (basis.T @ ramp_columns)
+    lengths = np.sqrt(np.einsum("ij,ij->j", ramp_columns, ramp_columns))
     usable = lengths > 1e-6
-    deviations = np.where(usable, -(residuals @ tried) / np.where(usable, lengths, 1.0), 0.0) / scatter
-    best = int(np.argmax(deviations))
-    if deviations[best] <= _FALL:
+    deviations = np.where(usable, -(residuals @ ramp_columns) / np.where(usable, lengths, 1.0), 0.0) / scatter
+    peak = int(np.argmax(deviations))
+    if deviations[peak] <= _FALL:
         return None
-    return skipped + int([*begins, *begins[:-1]][best]), float(deviations[best])
+    return skipped + int([*onsets, *onsets[:-1]][peak]), float(deviations[peak])
 
 
 def is_steady_leak(months: FloatArray, cold_kpa: FloatArray, scatter_kpa: float) -> bool:
@@ -190,9 +190,9 @@ def is_steady_leak(months: FloatArray, cold_kpa: FloatArray, scatter_kpa: float)
     stds = np.full(len(months), max(scatter_kpa, _LEAST_SCATTER_KPA))
     values = straightened(cold_kpa, float(cold_kpa[-1]))
     bent_stds = stds * float(flow(cold_kpa[-1:])[0]) / np.maximum(flow(cold_kpa), 1e-3)
-    part = _refills(cold_kpa, stds)
-    coefficients, _, squares = _levels_fit(months, values, bent_stds, part)
-    return -coefficients[0] > _LEAST_RATE_KPA and squares < _levels_fit(months, cold_kpa, stds, part)[2] - _FALL**2
+    refills = _refills(cold_kpa, stds)
+    coefficients, _, squares = _levels_fit(months, values, bent_stds, refills)
+    return -coefficients[0] > _LEAST_RATE_KPA and squares < _levels_fit(months, cold_kpa, stds, refills)[2] - _FALL**2
 
 
 def mended_at(months: FloatArray, cold_kpa: FloatArray, scatter_kpa: float) -> int:
@@ -204,14 +204,14 @@ def mended_at(months: FloatArray, cold_kpa: FloatArray, scatter_kpa: float) -> i
         scatter_kpa: of single recordings.
     """
     scatter = max(scatter_kpa, _LEAST_SCATTER_KPA)
-    edges = [0, *np.flatnonzero(np.diff(cold_kpa) > _REFILL * math.sqrt(2.0) * scatter) + 1, len(cold_kpa)]
+    edges = [0, *np.flatnonzero(np.diff(cold_kpa) > _REFILL_STDS * math.sqrt(2.0) * scatter) + 1, len(cold_kpa)]
     for number in range(len(edges) - 2, 0, -1):
-        before, after = (slice(edges[at], edges[at + 1]) for at in (number - 1, number))
-        lines = [_slope(months[part], cold_kpa[part], scatter) for part in (before, after)]
+        before, after = (slice(edges[index], edges[index + 1]) for index in (number - 1, number))
+        lines = [_slope(months[period], cold_kpa[period], scatter) for period in (before, after)]
         if None in lines:
             continue
-        (old, old_std), (new, new_std) = (line for line in lines if line is not None)
-        if new - old > max(_LEAST_RATE_KPA, _MENDED * math.hypot(old_std, new_std)):
+        (old_slope, old_std), (new_slope, new_std) = (line for line in lines if line is not None)
+        if new_slope - old_slope > max(_LEAST_RATE_KPA, _MENDED_STDS * math.hypot(old_std, new_std)):
             return int(edges[number])
     return 0
 
@@ -220,9 +220,9 @@ def _slope(months: FloatArray, values: FloatArray, std: float) -> tuple[float, f
     """Return the slope of a line and its error; None of too few points."""
     if len(months) < _LEAST_LINE:
         return None
-    around = months - months.mean()
-    square = float(around @ around)
-    return (float(around @ values) / square, std / math.sqrt(square)) if square > 0.0 else None
+    centred = months - months.mean()
+    square = float(centred @ centred)
+    return (float(centred @ values) / square, std / math.sqrt(square)) if square > 0.0 else None
 
 
 class _Fit(NamedTuple):
@@ -259,21 +259,21 @@ def newest_leak(months: FloatArray, cold_kpa: FloatArray, scatter_kpa: float, dr
     stds = scatter * slopes
     fits = [
         fit
-        for begin in range(_LEAST_BEFORE, count - LEAST_AFTER + 1)
-        if (fit := _fit(months, values, stds, begin)) is not None
+        for onset in range(_LEAST_BEFORE, count - LEAST_AFTER + 1)
+        if (fit := _fit(months, values, stds, onset)) is not None
     ]
-    tight = _whole(months, values, stds)
+    tight = _line_squares(months, values, stds)
     fits = [fit for fit in fits if fit.rate > 0.0]
     if not fits:
         return None
-    best = min(fits, key=lambda fit: fit.squares)
-    if tight - best.squares < _LEAST_GAIN or best.rate < max(_LEAST_RATE_KPA, 3.0 * best.rate_std, 3.0 * drift_kpa):
+    leak = min(fits, key=lambda fit: fit.squares)
+    if tight - leak.squares < _LEAST_GAIN or leak.rate < max(_LEAST_RATE_KPA, 3.0 * leak.rate_std, 3.0 * drift_kpa):
         return None
-    if _one_fall(months, values, stds) - best.squares < _LEAST_OVER_FALL:
+    if _fall_squares(months, values, stds) - leak.squares < _LEAST_OVER_FALL:
         return None
     # Of a leak that began after the last recording but one only a lower limit of the rate is known.
-    last_only = _whole(months[:-1], values[:-1], stds[:-1])
-    weights = np.exp(-0.5 * np.minimum(np.array([fit.squares for fit in fits]) - best.squares, 100.0))
+    line_without_last = _line_squares(months[:-1], values[:-1], stds[:-1])
+    weights = np.exp(-0.5 * np.minimum(np.array([fit.squares for fit in fits]) - leak.squares, 100.0))
     weights /= weights.sum()
     rates, dates, variances = (
         np.array([fit.rate for fit in fits]),
@@ -281,45 +281,45 @@ def newest_leak(months: FloatArray, cold_kpa: FloatArray, scatter_kpa: float, dr
         np.array([fit.rate_std**2 for fit in fits]),
     )
     rate, date = float(weights @ rates), float(weights @ dates)
-    inflation = max(best.after_squares / max(best.freedom, 1), 1.0) if best.freedom > 0 else 1.0
-    now = float(bent(np.array([best.now]), at_kpa)[0])
+    inflation = max(leak.after_squares / max(leak.freedom, 1), 1.0) if leak.freedom > 0 else 1.0
+    last_kpa = float(bent(np.array([leak.now]), at_kpa)[0])
     # Near the ambient pressure the flow follows the difference.
-    of_level = _steepness(now) * math.hypot(_OF_AMBIENT_KPA, best.now_std)
+    level_error = _steepness(last_kpa) * math.hypot(_AMBIENT_STD_KPA, leak.now_std)
     rate_std = math.sqrt(
-        _OF_SCATTER**2 * float(weights @ (inflation * variances + (rates - rate) ** 2))
+        _SCATTER_INFLATION**2 * float(weights @ (inflation * variances + (rates - rate) ** 2))
         + drift_kpa**2
-        + rate**2 * (OF_FLOW**2 + of_level**2)
+        + rate**2 * (OF_FLOW**2 + level_error**2)
     )
-    gap = float(months[best.begin] - months[best.begin - 1])
+    gap = float(months[leak.begin] - months[leak.begin - 1])
     date_std = math.sqrt(
-        float(weights @ (dates - date) ** 2) + min(gap**2 / 12.0, (scatter * math.sqrt(1.5) / best.rate) ** 2)
+        float(weights @ (dates - date) ** 2) + min(gap**2 / 12.0, (scatter * math.sqrt(1.5) / leak.rate) ** 2)
     )
     return Leak(
-        best.begin,
+        leak.begin,
         date,
         date_std,
         rate,
         rate_std,
-        now,
-        best.now_std,
-        bent(best.expected, at_kpa),
-        best.freedom,
-        count - best.begin >= _LEAST_CERTAIN
-        and last_only - best.squares >= _LEAST_OVER_FALL
-        and of_level < _MOST_OF_LEVEL
-        and (best.freedom <= 0 or best.after_squares <= _MOST_MISFIT * best.freedom),
+        last_kpa,
+        leak.now_std,
+        bent(leak.expected, at_kpa),
+        leak.freedom,
+        count - leak.begin >= _LEAST_CERTAIN
+        and line_without_last - leak.squares >= _LEAST_OVER_FALL
+        and level_error < _MOST_LEVEL_ERROR
+        and (leak.freedom <= 0 or leak.after_squares <= _MOST_MISFIT * leak.freedom),
     )
 
 
-def _whole(months: FloatArray, values: FloatArray, stds: FloatArray) -> float:
+def _line_squares(months: FloatArray, values: FloatArray, stds: FloatArray) -> float:
     """Return the sum of squares of a line with refills through all recordings."""
     return _levels_fit(months, values, stds, _refills(values, stds))[2]
 
 
-def _one_fall(months: FloatArray, values: FloatArray, stds: FloatArray) -> float:
+def _fall_squares(months: FloatArray, values: FloatArray, stds: FloatArray) -> float:
     """Return the least sum of squares of a line with refills and one fall, as of air that is let out."""
-    part = _refills(values, stds)
-    levels = (part[:, None] == np.unique(part)[None, :]).astype(np.float64)
+    refills = _refills(values, stds)
+    levels = (refills[:, None] == np.unique(refills)[None, :]).astype(np.float64)
     rows = np.column_stack([months - months[-1], levels]) / stds[:, None]
     basis = np.linalg.qr(rows)[0]
     scaled = values / stds
@@ -327,22 +327,22 @@ def _one_fall(months: FloatArray, values: FloatArray, stds: FloatArray) -> float
     falls = (np.arange(len(months))[:, None] >= np.arange(_LEAST_BEFORE, len(months))[None, :]) / stds[:, None]
     falls = falls - basis @ (basis.T @ falls)
     lengths = np.maximum(np.einsum("ij,ij->j", falls, falls), 1e-12)
-    along = falls.T @ residuals
-    gains = np.where(along < 0.0, along**2 / lengths, 0.0)
+    projections = falls.T @ residuals
+    gains = np.where(projections < 0.0, projections**2 / lengths, 0.0)
     return float(residuals @ residuals - gains.max())
 
 
 def _refills(values: FloatArray, stds: FloatArray) -> FloatArray:
     """Return (n,) the number of refills before each recording."""
-    rises = np.diff(values) > _REFILL * math.sqrt(2.0) * np.maximum(stds[1:], stds[:-1])
+    rises = np.diff(values) > _REFILL_STDS * math.sqrt(2.0) * np.maximum(stds[1:], stds[:-1])
     return np.concatenate([[0.0], np.cumsum(rises)])
 
 
 def _levels_fit(
-    months: FloatArray, values: FloatArray, stds: FloatArray, part: FloatArray
+    months: FloatArray, values: FloatArray, stds: FloatArray, refills: FloatArray
 ) -> tuple[FloatArray, FloatArray, float]:
     """Return coefficients and covariance of a line with a level for each part, slope first, and the sum of squares."""
-    levels = (part[:, None] == np.unique(part)[None, :]).astype(np.float64)
+    levels = (refills[:, None] == np.unique(refills)[None, :]).astype(np.float64)
     rows = np.column_stack([months - months[-1], levels]) / stds[:, None]
     coefficients = np.asarray(np.linalg.lstsq(rows, values / stds, rcond=None)[0], dtype=np.float64)
     residuals = values / stds - rows @ coefficients
@@ -350,42 +350,42 @@ def _levels_fit(
     return coefficients, covariance, float(residuals @ residuals)
 
 
-def _fit(months: FloatArray, values: FloatArray, stds: FloatArray, begin: int) -> _Fit | None:
+def _fit(months: FloatArray, values: FloatArray, stds: FloatArray, onset: int) -> _Fit | None:
     """Return the fit of a leak that begins before a recording."""
-    before = slice(0, begin)
+    before = slice(0, onset)
     tight = _levels_fit(months[before], values[before], stds[before], _refills(values[before], stds[before]))
     tight_slope, tight_squares = float(tight[0][0]), tight[2]
     level = float(tight[0][-1])  # at months[begin - 1]
     level_std = math.sqrt(max(float(tight[1][-1, -1]), 0.0))
-    after = slice(begin, len(months))
-    times, wanted, errors = months[after], values[after], stds[after]
-    part = _refills(wanted, errors)
+    after = slice(onset, len(months))
+    times, observed, errors = months[after], values[after], stds[after]
+    refills = _refills(observed, errors)
     count = len(times)
-    freedom = count - 1 - len(np.unique(part))
+    freedom = count - 1 - len(np.unique(refills))
     if freedom < 0:
         return None
-    coefficients, covariance, squares = _levels_fit(times, wanted, errors, part)
+    coefficients, covariance, squares = _levels_fit(times, observed, errors, refills)
     # Where the line of the leak meets the level before it: the begin, within the gap.
     rate = -float(coefficients[0]) + min(tight_slope, 0.0)
-    first = float(coefficients[1]) + float(coefficients[0]) * (times[0] - times[-1])
-    fall = level + tight_slope * (times[0] - months[begin - 1]) - first
-    gap = float(times[0] - months[begin - 1])
+    first_value = float(coefficients[1]) + float(coefficients[0]) * (times[0] - times[-1])
+    fall = level + tight_slope * (times[0] - months[onset - 1]) - first_value
+    gap = float(times[0] - months[onset - 1])
     row = np.zeros(len(coefficients))
     row[:2] = times[0] - times[-1], 1.0
     fall_std = math.hypot(level_std, math.sqrt(max(float(row @ covariance @ row), 0.0)))
-    least, most = 0.0, max(rate, 0.0) * gap
-    outside = max(fall - most, least - fall, 0.0)
+    least_fall, most_fall = 0.0, max(rate, 0.0) * gap
+    excess = max(fall - most_fall, least_fall - fall, 0.0)
     # The distance by which the line misses the gap, by the error that fall and rate have together.
     slope_std = math.sqrt(max(float(covariance[0, 0]), 0.0))
-    together = math.hypot(fall_std, gap * slope_std if fall > most else 0.0)
-    missed = (outside / max(together, 1e-9)) ** 2
-    if missed > 25.0:
+    combined_std = math.hypot(fall_std, gap * slope_std if fall > most_fall else 0.0)
+    misfit = (excess / max(combined_std, 1e-9)) ** 2
+    if misfit > 25.0:
         return None
     share = 1.0 - float(np.clip(fall / max(rate * gap, 1e-9), 0.0, 1.0))
-    design = np.column_stack([times - times[-1], (part[:, None] == np.unique(part)[None, :]).astype(np.float64)])
+    design = np.column_stack([times - times[-1], (refills[:, None] == np.unique(refills)[None, :]).astype(np.float64)])
     return _Fit(
-        begin,
-        tight_squares + squares + missed,
+        onset,
+        tight_squares + squares + misfit,
         -float(coefficients[0]),
         slope_std,
         float(coefficients[-1]),

@@ -18,12 +18,12 @@ _MIN_SCATTERS: Final = 3.0
 _SCATTERS_OF_LEVEL: Final = 1.5
 _LOOK_AHEAD: Final = 3
 _NEIGHBOURS: Final = 5
-_SPIKE: Final = 6.0
+_SPIKE_SCATTERS: Final = 6.0
 _MAD_TO_STD: Final = 1.4826
 # Share of the sum of squares that rounding leaves.
 _ROUNDING: Final = 1e-20
 # A rise from one value to the next that deviates by this many times the robust scatter of all is tried as a step.
-_JUMP: Final = 4.0
+_JUMP_SCATTERS: Final = 4.0
 _LAD_ROUNDS: Final = 20
 
 
@@ -47,19 +47,19 @@ def find_steps(
     """
     # What the temperature makes of the values would hide spikes.
     keep = np.flatnonzero(~_spikes(values - design @ np.linalg.lstsq(design, values, rcond=None)[0]))
-    rows, wanted = design[keep], values[keep]
+    rows, targets = design[keep], values[keep]
     level = _FALSE_RATE / max(family, 1)
-    jumps = _significant(rows, wanted, _jumps(rows, wanted), level, min_size, scatters)
+    jumps = _significant(rows, targets, _jumps(rows, targets), level, min_size, scatters)
     added, significant = list(jumps), len(jumps)
     while len(added) - len(jumps) < _MOST_STEPS and len(added) - significant < _LOOK_AHEAD:
-        best = _best_step(rows, wanted, added)
-        if best is None:
+        candidate = _best_step(rows, targets, added)
+        if candidate is None:
             break
-        added.append(best)
-        if _is_step(rows, wanted, added, best, level, min_size, scatters):
+        added.append(candidate)
+        if _is_step(rows, targets, added, candidate, level, min_size, scatters):
             significant = len(added)
     return sorted(
-        int(keep[index]) for index in _significant(rows, wanted, added[:significant], level, min_size, scatters)
+        int(keep[index]) for index in _significant(rows, targets, added[:significant], level, min_size, scatters)
     )
 
 
@@ -73,27 +73,27 @@ def find_levels(design: FloatArray, values: FloatArray, *, family: int = 1) -> l
 
 
 def _significant(
-    rows: FloatArray, wanted: FloatArray, places: list[int], level: float, min_size: float, scatters: float
+    rows: FloatArray, targets: FloatArray, places: list[int], level: float, min_size: float, scatters: float
 ) -> list[int]:
     """Return the steps that are significant beside each other; the last ones given are dropped first."""
     steps = list(places)
     while True:
-        weak = [step for step in steps if not _is_step(rows, wanted, steps, step, level, min_size, scatters)]
-        if not weak:
+        insignificant = [step for step in steps if not _is_step(rows, targets, steps, step, level, min_size, scatters)]
+        if not insignificant:
             return steps
-        steps.remove(weak[-1])
+        steps.remove(insignificant[-1])
 
 
-def _jumps(rows: FloatArray, wanted: FloatArray) -> list[int]:
+def _jumps(rows: FloatArray, targets: FloatArray) -> list[int]:
     """Return the places of sudden changes between neighbours, the largest first.
 
     Differences of neighbours follow the trend without its level, and steps are their outliers: a fit of least absolute
     deviations is not bent by them.
     """
-    count = len(wanted)
+    count = len(targets)
     if count < 2 * LEAST_POINTS:
         return []
-    slopes, changes = np.diff(rows, axis=0), np.diff(wanted)
+    slopes, changes = np.diff(rows, axis=0), np.diff(targets)
     slopes = slopes[:, np.abs(slopes).max(axis=0) > 0.0]
     residuals, scale = changes, 0.0
     weights = np.ones(count - 1)
@@ -105,63 +105,63 @@ def _jumps(rows: FloatArray, wanted: FloatArray) -> list[int]:
             return []
         weights = 1.0 / np.maximum(np.abs(residuals), 1e-3 * scale)
     jumps: list[int] = []
-    for begin in (np.argsort(-np.abs(residuals), kind="stable") + 1).tolist():
-        if abs(residuals[begin - 1]) <= _JUMP * scale:
+    for place in (np.argsort(-np.abs(residuals), kind="stable") + 1).tolist():
+        if abs(residuals[place - 1]) <= _JUMP_SCATTERS * scale:
             break
-        if LEAST_POINTS <= begin <= count - LEAST_POINTS and all(abs(begin - other) >= LEAST_POINTS for other in jumps):
-            jumps.append(begin)
+        if LEAST_POINTS <= place <= count - LEAST_POINTS and all(abs(place - jump) >= LEAST_POINTS for jump in jumps):
+            jumps.append(place)
     freedom = count - rows.shape[1] - LEAST_POINTS
     return jumps[: max(freedom, 0)]
 
 
-def _best_step(rows: FloatArray, wanted: FloatArray, present: list[int]) -> int | None:
+def _best_step(rows: FloatArray, targets: FloatArray, present: list[int]) -> int | None:
     """Return the place where one more step reduces the residual most; None without a place or freedom."""
-    count = len(wanted)
+    count = len(targets)
     places = [
-        begin
-        for begin in range(LEAST_POINTS, count - LEAST_POINTS + 1)
-        if all(abs(begin - other) >= LEAST_POINTS for other in present)
+        place
+        for place in range(LEAST_POINTS, count - LEAST_POINTS + 1)
+        if all(abs(place - step) >= LEAST_POINTS for step in present)
     ]
     if not places or count - rows.shape[1] - len(present) - 1 < LEAST_POINTS:
         return None
     # The residuals of the values and of all candidate steps after the columns present give each step's gain.
     basis = np.linalg.qr(with_steps(rows, present))[0]
-    residuals = wanted - basis @ (basis.T @ wanted)
+    residuals = targets - basis @ (basis.T @ targets)
     steps = (np.arange(count)[:, None] >= np.array(places)).astype(np.float64)
     steps -= basis @ (basis.T @ steps)
     squares = np.einsum("ij,ij->j", steps, steps)
     usable = squares > 1e-9 * count
     gains = np.where(usable, (steps.T @ residuals) ** 2 / np.where(usable, squares, 1.0), 0.0)
-    best = int(np.argmax(gains))
-    return places[best] if gains[best] > 0.0 else None
+    peak = int(np.argmax(gains))
+    return places[peak] if gains[peak] > 0.0 else None
 
 
 def _is_step(
-    rows: FloatArray, wanted: FloatArray, steps: list[int], step: int, level: float, min_size: float, scatters: float
+    rows: FloatArray, targets: FloatArray, steps: list[int], step: int, level: float, min_size: float, scatters: float
 ) -> bool:
     """Return whether one of the steps found is significant beside the others, and large enough."""
     from scipy import stats
 
-    count = len(wanted)
-    columns = with_steps(rows, [step, *(other for other in steps if other != step)])
+    count = len(targets)
+    columns = with_steps(rows, [step, *(place for place in steps if place != step)])
     # The step as the last column: its coefficient and gain stand alone in the last row of R.
     columns = np.column_stack([np.delete(columns, rows.shape[1], axis=1), columns[:, rows.shape[1]]])
     basis, triangle = np.linalg.qr(columns)
-    along = basis.T @ wanted
-    residuals = wanted - basis @ along
+    scores = basis.T @ targets
+    residuals = targets - basis @ scores
     freedom = count - columns.shape[1]
     if freedom < LEAST_POINTS or not abs(triangle[-1, -1]) > 1e-9:
         return False
-    rest, gain, size = float(residuals @ residuals), float(along[-1]) ** 2, abs(float(along[-1] / triangle[-1, -1]))
-    rounding = _ROUNDING * float(wanted @ wanted)
-    if gain <= rounding or rest <= rounding:
+    misfit, gain, size = float(residuals @ residuals), float(scores[-1]) ** 2, abs(float(scores[-1] / triangle[-1, -1]))
+    rounding = _ROUNDING * float(targets @ targets)
+    if gain <= rounding or misfit <= rounding:
         return gain > rounding and size >= min_size
-    scatter = math.sqrt(rest / freedom)
+    scatter = math.sqrt(misfit / freedom)
     if size < max(scatters * scatter, min_size):
         return False
     if size < _MIN_SCATTERS * scatter:
-        rest *= correlation_factor(residuals, columns.shape[1])
-    return float(stats.f.sf(gain * freedom / rest, 1, freedom)) * count <= level
+        misfit *= correlation_factor(residuals, columns.shape[1])
+    return float(stats.f.sf(gain * freedom / misfit, 1, freedom)) * count <= level
 
 
 def with_steps(rows: FloatArray, places: list[int]) -> FloatArray:
@@ -183,10 +183,10 @@ def _spikes(values: FloatArray) -> BoolArray:
     before, after = np.full(count, np.nan), np.full(count, np.nan)
     before[_NEIGHBOURS:] = medians[:-1]
     after[: count - _NEIGHBOURS] = medians[1:]
-    off = np.fmin(np.abs(values - before), np.abs(values - after))
+    deviations = np.fmin(np.abs(values - before), np.abs(values - after))
     # The nearer of two medians: its scatter is about half that of the values.
-    scale = 2.0 * _MAD_TO_STD * float(np.median(off))
-    is_spike = np.asarray(off > _SPIKE * scale if scale > 0.0 else np.zeros(count, dtype=bool))
+    scale = 2.0 * _MAD_TO_STD * float(np.median(deviations))
+    is_spike = np.asarray(deviations > _SPIKE_SCATTERS * scale if scale > 0.0 else np.zeros(count, dtype=bool))
     for begin, end in runs(is_spike):
         if end - begin >= LEAST_POINTS:
             is_spike[begin:end] = False

@@ -72,22 +72,22 @@ def rate_number(
     span, change = float(np.ptp(line.design[~line.search.is_outlier, 1])), line.change
     if span < least:
         if against == "km":
-            why = Reason(FleetCode.TREND_DISTANCE_SHORT, distance_m=1e6 * span, needed_m=1e6 * least)
+            reason = Reason(FleetCode.TREND_DISTANCE_SHORT, distance_m=1e6 * span, needed_m=1e6 * least)
         else:
             second = _DAY_S / DAY_MONTHS
-            why = Reason(FleetCode.TREND_SPAN_SHORT, span_s=second * span, needed_s=second * least)
-        return TrendNumber(quantity, unit=unit, reasons=(why,), count=int((~line.search.is_outlier).sum()))
+            reason = Reason(FleetCode.TREND_SPAN_SHORT, span_s=second * span, needed_s=second * least)
+        return TrendNumber(quantity, unit=unit, reasons=(reason,), count=int((~line.search.is_outlier).sum()))
     reasons = (*reasons, *notes_of_steps(line))
-    before = slope_before(line)
+    contrast = slope_before(line)
     if change is None:
-        return number_of(quantity, unit, line, before, factor=factor, status=status, reasons=reasons)
+        return number_of(quantity, unit, line, contrast, factor=factor, status=status, reasons=reasons)
     end = len(line.values)
     if not change.is_slope or line.newest < LEAST_AFTER or np.ptp(line.design[change.begin - 1 :, 1]) < least:
         omitted = Reason(FleetCode.TREND_NEWEST_LEFT, count=end - change.begin, date=line.dates[change.begin])
         return number_of(
-            quantity, unit, line, before, factor=factor, status=Status.PROVISIONAL, reasons=(omitted, *reasons)
+            quantity, unit, line, contrast, factor=factor, status=Status.PROVISIONAL, reasons=(omitted, *reasons)
         )
-    value, std = combination(line, before)
+    value, std = combination(line, contrast)
     since = Reason(
         FleetCode.TREND_RATE_SINCE, count=end - change.begin, date=line.dates[change.begin], before=factor * value,
         std=abs(factor) * std, unit=unit,
@@ -138,8 +138,8 @@ def value_at_end(quantity: str, unit: str, line: TrendLine) -> TrendNumber:
         row[2] = 0.0
     row[line.of_load] = 0.0
     number = number_of(quantity, unit, line, row, reasons=notes_of_steps(line))
-    shared = shared_std(line.stds)
-    half, std = math.hypot(number.high - number.value, 2.0 * shared), math.hypot(number.std, shared)
+    shared_error = shared_std(line.stds)
+    half, std = math.hypot(number.high - number.value, 2.0 * shared_error), math.hypot(number.std, shared_error)
     number = replace(number, std=std, low=number.value - half, high=number.value + half)
     if (change := line.change) is not None:
         since = Reason(FleetCode.TREND_NOW_SINCE, count=len(line.values) - change.begin, date=line.dates[change.begin])
@@ -163,8 +163,8 @@ def _deviation_of_last(line: TrendLine) -> float | None:
         return deviation
     square = deviation**2 / (1.0 - float(fit.leverage[-1]))
     remaining = fit.freedom - square
-    apart = math.sqrt(square * (fit.freedom - 1) / remaining) if remaining > 0.0 else math.inf
-    return deviation if apart > quantile_of(fit.freedom - 1) else None
+    studentized = math.sqrt(square * (fit.freedom - 1) / remaining) if remaining > 0.0 else math.inf
+    return deviation if studentized > quantile_of(fit.freedom - 1) else None
 
 
 def with_doubts(number: TrendNumber, line: TrendLine) -> TrendNumber:

@@ -38,26 +38,26 @@ def findings_of_moves(histories: Sequence[TireHistory]) -> dict[tuple[str, str, 
     """Return the finding of each change of wheels, by vehicle, new wheel and sensor; an exchange is one finding."""
     moves = sorted(_moves(histories), key=lambda move: (move.until_ns, move.target, move.sensor_id))
     findings: dict[tuple[str, str, str], tuple[Reason, ...]] = defaultdict(tuple)
-    told: set[_Move] = set()
+    reported: set[_Move] = set()
     for move in moves:
-        if move in told:
+        if move in reported:
             continue
-        told.add(move)
-        other = next((later for later in moves if later not in told and move.exchanges_with(later)), None)
+        reported.add(move)
+        partner = next((second for second in moves if second not in reported and move.exchanges_with(second)), None)
         date = str(np.datetime64(move.until_ns, "ns").astype("datetime64[D]"))
         gap_s = 1e-9 * (move.until_ns - move.after_ns)
         since = {"since_s": 1e-9 * move.until_ns - 0.5 * gap_s, "since_std_s": gap_s / math.sqrt(12.0)}
-        if other is None:
+        if partner is None:
             finding = Reason(FleetCode.TREND_TIRE_MOVED, origin=move.origin, target=move.target, date=date, **since)
         else:
-            told.add(other)
+            reported.add(partner)
             finding = Reason(
                 FleetCode.TREND_TIRES_EXCHANGED,
                 origin=move.origin,
                 target=move.target,
                 date=date,
                 sensor=move.sensor_id,
-                other=other.sensor_id,
+                other=partner.sensor_id,
                 **since,
             )
         findings[move.vehicle, move.target, move.sensor_id] += (finding,)
@@ -70,8 +70,8 @@ def _moves(histories: Sequence[TireHistory]) -> Iterator[_Move]:
         if history.sensor_id and history.is_identified:
             times = ((int(time_ns), history.position) for time_ns in history.time_ns)
             recordings[history.vehicle, history.sensor_id] += times
-    for (vehicle, sensor_id), seen in recordings.items():
-        seen.sort()
-        for (after_ns, origin), (until_ns, target) in pairwise(seen):
+    for (vehicle, sensor_id), observations in recordings.items():
+        observations.sort()
+        for (after_ns, origin), (until_ns, target) in pairwise(observations):
             if origin != target:
                 yield _Move(vehicle, sensor_id, origin, target, after_ns, until_ns)

@@ -20,15 +20,15 @@ from gateway.fleet.trends.tire_history import TireHistory
 _LEAST_OTHERS: Final = 2
 _LEAST_RECORDINGS: Final = 8
 # Share of the recordings of a wheel that the others must have too.
-_COMPARED: Final = 0.9
+_COMMON_SHARE: Final = 0.9
 _MAD_TO_STD: Final = 1.4826
 # Change of one wheel against the others, in scatters, that is its own; of most of the wheels, that is a refill of all.
-_OWN: Final = 5.0
+_OUTLIER_SCATTERS: Final = 5.0
 _LEAST_SCATTER_KPA: Final = 0.3
 # Recordings by which a refill is told from a rise that goes back.
-_HELD: Final = 7
+_WINDOW: Final = 7
 # What is common is left in only where taking it out adds more scatter than this: refills of wheels, not weather.
-_REDUCED: Final = 1.05
+_MOST_SCATTER_RATIO: Final = 1.05
 # Recordings by which those are apart that weather makes different.
 _LAGS: Final = (1, 3, 6)
 
@@ -63,7 +63,7 @@ def without_common(
         if len(numbers) <= _LEAST_OTHERS:
             continue
         for number in numbers:
-            others = [other for other in numbers if other != number and stuck[other] == stuck[number]]
+            others = [wheel for wheel in numbers if wheel != number and stuck[wheel] == stuck[number]]
             if histories[number].is_identified:
                 common = _common(histories, cold_kpa, stuck, number, others)
                 if common is not None:
@@ -79,36 +79,36 @@ def _common(
     others: Sequence[int],
 ) -> FloatArray | None:
     """Return (n,) what the other wheels have in common at the recordings of one, NaN where it is not known."""
-    paths, own = histories[number].paths, cold_kpa[number]
-    measured = np.flatnonzero(np.isfinite(own))
-    rows, known = [], np.zeros(len(measured), dtype=int)
-    for other in others:
-        by_path = dict(zip(histories[other].paths, cold_kpa[other].tolist(), strict=True))
+    paths, wheel_kpa = histories[number].paths, cold_kpa[number]
+    measured = np.flatnonzero(np.isfinite(wheel_kpa))
+    rows, value_counts = [], np.zeros(len(measured), dtype=int)
+    for wheel in others:
+        by_path = dict(zip(histories[wheel].paths, cold_kpa[wheel].tolist(), strict=True))
         row = np.array([by_path.get(paths[index], np.nan) for index in measured.tolist()])
         has_value = np.isfinite(row)
-        if has_value.sum() < max(_LEAST_RECORDINGS, _COMPARED * len(measured)):
+        if has_value.sum() < max(_LEAST_RECORDINGS, _COMMON_SHARE * len(measured)):
             continue
         # Now and then a wheel sends nothing: the others have a median without it.
         rows.append(np.interp(measured, measured[has_value], row[has_value]))
-        known += has_value
-    enough = known >= _LEAST_OTHERS
-    if len(rows) < _LEAST_OTHERS or enough.sum() < _COMPARED * len(measured) or not enough[-1]:
+        value_counts += has_value
+    is_known = value_counts >= _LEAST_OTHERS
+    if len(rows) < _LEAST_OTHERS or is_known.sum() < _COMMON_SHARE * len(measured) or not is_known[-1]:
         return None
-    usable = measured[enough]
-    values = np.stack(rows)[:, enough]
+    usable = measured[is_known]
+    values = np.stack(rows)[:, is_known]
     changes = np.diff(values, axis=1)
-    middle = np.median(np.vstack([changes, np.diff(own[usable])]), axis=0)
-    apart = changes - middle
-    scatter = max(_MAD_TO_STD * float(np.median(np.abs(apart))), _LEAST_SCATTER_KPA)
-    of_all = max(_MAD_TO_STD * float(np.median(np.abs(middle - np.median(middle)))), _LEAST_SCATTER_KPA)
-    alone = np.where(np.abs(apart) > _OWN * scatter, apart, 0.0)
+    medians = np.median(np.vstack([changes, np.diff(wheel_kpa[usable])]), axis=0)
+    deviations = changes - medians
+    scatter = max(_MAD_TO_STD * float(np.median(np.abs(deviations))), _LEAST_SCATTER_KPA)
+    median_scatter = max(_MAD_TO_STD * float(np.median(np.abs(medians - np.median(medians)))), _LEAST_SCATTER_KPA)
+    own_changes = np.where(np.abs(deviations) > _OUTLIER_SCATTERS * scatter, deviations, 0.0)
     # Without temperatures a refill of all wheels is each one's own; a rise that goes back, as in mountains, is common.
-    level = np.concatenate([[0.0], np.cumsum(middle)])
-    for change in np.flatnonzero((middle > _OWN * max(of_all, scatter)) & stuck[number]).tolist():
-        before, after = level[max(change + 1 - _HELD, 0) : change + 1], level[change + 1 : change + 1 + _HELD]
-        if float(np.median(after) - np.median(before)) > 0.5 * float(middle[change]):
-            alone[:, change] = changes[:, change]
-    values -= np.concatenate([np.zeros((len(values), 1)), np.cumsum(alone, axis=1)], axis=1)
+    level = np.concatenate([[0.0], np.cumsum(medians)])
+    for change in np.flatnonzero((medians > _OUTLIER_SCATTERS * max(median_scatter, scatter)) & stuck[number]).tolist():
+        before, after = level[max(change + 1 - _WINDOW, 0) : change + 1], level[change + 1 : change + 1 + _WINDOW]
+        if float(np.median(after) - np.median(before)) > 0.5 * float(medians[change]):
+            own_changes[:, change] = changes[:, change]
+    values -= np.concatenate([np.zeros((len(values), 1)), np.cumsum(own_changes, axis=1)], axis=1)
     values -= np.median(values, axis=1, keepdims=True)
     common = np.full(len(paths), np.nan)
     common[usable] = np.median(values, axis=0)
@@ -120,21 +120,21 @@ def _reduced(cold_kpa: FloatArray, common: FloatArray, is_stuck: bool) -> Shared
     usable = np.flatnonzero(np.isfinite(common))
     part = common[usable]
     if not is_stuck:
-        part = part - _lasting(part)
-    if not _wander(cold_kpa[usable] - part) < _REDUCED * _wander(cold_kpa[usable]):
+        part = part - _running_median(part)
+    if not _lag_scatter(cold_kpa[usable] - part) < _MOST_SCATTER_RATIO * _lag_scatter(cold_kpa[usable]):
         return Shared(cold_kpa)
     reduced = np.full(len(cold_kpa), np.nan)
     reduced[usable] = cold_kpa[usable] - part + float(part[-1]) * is_stuck
     return Shared(reduced, is_stuck)
 
 
-def _lasting(values: FloatArray) -> FloatArray:
+def _running_median(values: FloatArray) -> FloatArray:
     """Return the running median, which keeps the edges of refills."""
-    padded = np.pad(values, _HELD, constant_values=math.nan)
-    return np.asarray(np.nanmedian(np.lib.stride_tricks.sliding_window_view(padded, 2 * _HELD + 1), axis=1))
+    padded = np.pad(values, _WINDOW, constant_values=math.nan)
+    return np.asarray(np.nanmedian(np.lib.stride_tricks.sliding_window_view(padded, 2 * _WINDOW + 1), axis=1))
 
 
-def _wander(values: FloatArray) -> float:
+def _lag_scatter(values: FloatArray) -> float:
     """Return how far values differ from others that are some recordings apart; refills are few."""
     changes = [values[lag:] - values[:-lag] for lag in _LAGS]
     return float(sum(np.median(np.abs(change - np.median(change))) for change in changes))

@@ -59,14 +59,14 @@ def find_outliers(
         return OutlierSearch(~used, None)
     level = false_rate / max(family, 1)
     root = np.sqrt(weights)
-    rows, wanted = design * root[:, None], values * root
+    rows, targets = design * root[:, None], values * root
     removed: list[int] = []
     outlier_count = 0
     for step in range(1, int(MOST_SHARE * count) + 1):
         freedom = count - step - design.shape[1]
         if freedom < LEAST_FREEDOM or step - outlier_count > _LOOK_AHEAD:
             break
-        deviates = _studentized(rows, wanted, used)
+        deviates = _studentized(rows, targets, used)
         worst = int(np.argmax(deviates))
         quantile = float(stats.t.isf(level / (2.0 * (count - step + 1)), freedom))
         limit = quantile * math.sqrt(freedom + 1) / math.sqrt(freedom + quantile**2)
@@ -81,13 +81,13 @@ def find_outliers(
     return OutlierSearch(is_outlier, fit(design, values, weights, ~is_outlier))
 
 
-def _studentized(rows: FloatArray, wanted: FloatArray, used: BoolArray) -> FloatArray:
+def _studentized(rows: FloatArray, targets: FloatArray, used: BoolArray) -> FloatArray:
     """Return (n,) residuals of the points used over their own standard deviation; -1 for the others."""
     basis = np.linalg.qr(rows[used])[0]
-    residuals = wanted[used] - basis @ (basis.T @ wanted[used])
+    residuals = targets[used] - basis @ (basis.T @ targets[used])
     leverage = np.minimum(np.einsum("ij,ij->i", basis, basis), _LARGEST_LEVERAGE)
     scale = math.sqrt(float(residuals @ residuals) / (len(residuals) - basis.shape[1]))
-    deviates = np.full(len(wanted), -1.0)
-    if scale > _ROUNDING * float(np.abs(wanted).max()):
+    deviates = np.full(len(targets), -1.0)
+    if scale > _ROUNDING * float(np.abs(targets).max()):
         deviates[used] = np.abs(residuals) / (scale * np.sqrt(1.0 - leverage))
     return deviates

@@ -54,8 +54,8 @@ def plausible_readings(history: TireHistory) -> PlausibleReadings:
         )
     degc = np.where(impossible, np.nan, degc)
     measured = np.flatnonzero((history.column("pressure_measured") > 0.0) & np.isfinite(pressure_pa))
-    apart_pa = np.diff(np.unique(pressure_pa[measured]))
-    least_pa = _LEAST_EXPECTED_PA + min(apart_pa[apart_pa > _ROUNDING_PA], default=0.0)
+    steps_pa = np.diff(np.unique(pressure_pa[measured]))
+    least_pa = _LEAST_EXPECTED_PA + min(steps_pa[steps_pa > _ROUNDING_PA], default=0.0)
     least_pa = min(least_pa, _LEAST_EXPECTED_PA + _MOST_RESOLUTION_PA)
     for run in _runs(pressure_pa[measured]):
         rows = measured[run]

@@ -68,10 +68,10 @@ _UNSEEN_K: Final = 10.0
 _NOTABLE_FALL_PA: Final = 20e3
 # The same of the newest recordings together, which are below all before them: recordings, scatters, and size.
 _LEAST_NEW, _MOST_NEW = 2, 5
-_FRESH: Final = 6.0
-_NOTABLE_FRESH_PA: Final = 4e3
+_NEW_FALL_STDS: Final = 6.0
+_NOTABLE_NEW_PA: Final = 4e3
 # Recordings before them.
-_LEAST_BEFORE, _BEFORE = 4, 8
+_LEAST_EARLIER, _MOST_EARLIER = 4, 8
 _LEAST_SCATTER_KPA: Final = 0.3
 # Share of the rate of a leak to which it is known where the finding states it; else it states the fall.
 _KNOWN_RATE: Final = 0.4
@@ -96,18 +96,18 @@ def _comparable(tire: TireWork) -> tuple[FloatArray, Reason]:
     measured = history.column("pressure_measured") > 0.0
     cold = tire.cold.cold_kpa
     if not has_rolled(history):
-        why = Reason(FleetCode.TREND_NO_REVOLUTION)
+        reason = Reason(FleetCode.TREND_NO_REVOLUTION)
     elif not measured.any():
-        why = Reason(FleetCode.TREND_NOT_MEASURED, quantity="pressure")
+        reason = Reason(FleetCode.TREND_NOT_MEASURED, quantity="pressure")
     elif not np.isfinite(cold).any():
-        why = Reason(FleetCode.TREND_NOT_MEASURED, quantity="temperature")
+        reason = Reason(FleetCode.TREND_NOT_MEASURED, quantity="temperature")
     elif np.isfinite(cold).sum() > LEAST_FREEDOM + 1 and is_constant(gauge[np.isfinite(cold)]):
         # A gas that is warmed and cooled does not keep its pressure: a repeated value is no measurement of a loss.
         usable = np.isfinite(cold)
-        why = Reason(FleetCode.TREND_PRESSURE_CONSTANT, pressure_pa=float(gauge[usable][0]), count=int(usable.sum()))
+        reason = Reason(FleetCode.TREND_PRESSURE_CONSTANT, pressure_pa=float(gauge[usable][0]), count=int(usable.sum()))
         cold = np.full(len(cold), math.nan)
     else:
-        why = reason_missing(history, "", cold)
+        reason = reason_missing(history, "", cold)
     usable_rows = np.flatnonzero(np.isfinite(cold))
     if usable_rows.size > LEAST_RECORDINGS:
         # What the tire lost before its leak was mended says nothing of now.
@@ -115,30 +115,30 @@ def _comparable(tire: TireWork) -> tuple[FloatArray, Reason]:
         cold[
             : usable_rows[mended_at(history.months[usable_rows], cold[usable_rows], scatter_of(cold[usable_rows]))]
         ] = math.nan
-    return cold, why
+    return cold, reason
 
 
 def add_pressure(tire: TireWork) -> None:
     """Add loss of pressure and present pressure, and the finding of a loss or of a fall."""
     history = tire.history
-    cold, why = _comparable(tire)
+    cold, reason = _comparable(tire)
     if _leak(tire, cold):
         return
     line = _pressure_line(tire, cold)
     refilled = None
     if line is not None:
-        normal, change = ~line.search.is_outlier, line.change
+        is_normal, change = ~line.search.is_outlier, line.change
         if change is not None and change.is_slope:
-            normal[: change.begin - 1] = False
+            is_normal[: change.begin - 1] = False
         elif change is not None:
-            normal[change.begin :] = False
-        refilled = pressure_loss(history.months[line.places[normal]], line.values[normal])
+            is_normal[change.begin :] = False
+        refilled = pressure_loss(history.months[line.places[is_normal]], line.values[is_normal])
         if refilled is None and change is None:
-            why = Reason(FleetCode.TREND_TOO_FEW, count=int(normal.sum()), needed=LEAST_RECORDINGS)
+            reason = Reason(FleetCode.TREND_TOO_FEW, count=int(is_normal.sum()), needed=LEAST_RECORDINGS)
             line = None
     if line is None:
-        tire.numbers.append(TrendNumber(Quantity.PRESSURE_LOSS, unit="kPa/month", reasons=(why,)))
-        tire.numbers.append(TrendNumber(Quantity.PRESSURE_NOW, unit="kPa", reasons=(why,)))
+        tire.numbers.append(TrendNumber(Quantity.PRESSURE_LOSS, unit="kPa/month", reasons=(reason,)))
+        tire.numbers.append(TrendNumber(Quantity.PRESSURE_NOW, unit="kPa", reasons=(reason,)))
         return
     plain, loss = _loss(tire, line, refilled)
     tire.numbers.append(loss)
@@ -147,21 +147,21 @@ def add_pressure(tire: TireWork) -> None:
         if line.doubt is None and (fell := _fallen(history, line)) is not None:
             tire.findings.append(Finding(fell, PRESSURE, Change(int(line.places[0]))))
         return
-    least = loss.value - finding_quantile(line) * math.hypot(plain.std, _of_weather(line))
-    is_certain = (least if refilled is None else min(refilled.least, least)) > NOTABLE_LOSS_PA * 1e-3
+    least_loss = loss.value - finding_quantile(line) * math.hypot(plain.std, _weather_error(line))
+    is_certain = (least_loss if refilled is None else min(refilled.least, least_loss)) > NOTABLE_LOSS_PA * 1e-3
     if loss.status is Status.VALID and is_certain:
-        drawn = tire.series[-1]
-        refilled_at = max(drawn.steps, default=0)
+        series = tire.series[-1]
+        refilled_at = max(series.steps, default=0)
         loses = Reason(
-            FleetCode.TREND_LOSES_PRESSURE, **_from_to(drawn, refilled_at), loss_pa=1e3 * loss.value,
+            FleetCode.TREND_LOSES_PRESSURE, **_from_to(series, refilled_at), loss_pa=1e3 * loss.value,
             std_pa=1e3 * loss.std,
         )  # fmt: skip
-        whole = -loss.value * span_of(history.months), loss.std * span_of(history.months)
-        tire.findings.append(Finding(loses, PRESSURE, relative_change(PRESSURE, line, None, whole)))
+        total_change = -loss.value * span_of(history.months), loss.std * span_of(history.months)
+        tire.findings.append(Finding(loses, PRESSURE, relative_change(PRESSURE, line, None, total_change)))
     elif line.doubt is None and all(finding.series != PRESSURE for finding in tire.findings):
         # A fall is worth a stop before it has a rate.
-        fresh = _fresh_fall(tire, cold + max(loss.value, 0.0) * (history.months - history.months[-1]))
-        tire.findings += () if fresh is None else (fresh,)
+        new_fall = _new_fall(tire, cold + max(loss.value, 0.0) * (history.months - history.months[-1]))
+        tire.findings += () if new_fall is None else (new_fall,)
 
 
 def _fitted(tire: TireWork, cold_kpa: FloatArray) -> TrendLine | None:
@@ -177,11 +177,11 @@ def _pressure_line(tire: TireWork, cold: FloatArray) -> TrendLine | None:
         history.months[usable_rows], cold[usable_rows], scatter_of(cold[usable_rows])
     )
     at_kpa = float(cold[usable_rows[-1]]) if usable_rows.size else math.nan
-    along = straightened(cold, at_kpa) if is_steady else cold
-    line = _fitted(tire, along)
+    straight_kpa = straightened(cold, at_kpa) if is_steady else cold
+    line = _fitted(tire, straight_kpa)
     if line is not None and is_steady:
-        drawn = tire.series[-1]
-        tire.series[-1] = replace(drawn, values=bent(drawn.values, at_kpa), expected=bent(drawn.expected, at_kpa))
+        series = tire.series[-1]
+        tire.series[-1] = replace(series, values=bent(series.values, at_kpa), expected=bent(series.expected, at_kpa))
     if line is not None and line.change is not None:
         values = _from_to(tire.series[-1], line.change.begin - 1)
         tire.findings = [
@@ -193,12 +193,12 @@ def _pressure_line(tire: TireWork, cold: FloatArray) -> TrendLine | None:
     return line
 
 
-def _from_to(drawn: TrendSeries, begin: int) -> dict[str, Value]:
+def _from_to(series: TrendSeries, begin: int) -> dict[str, Value]:
     """Return fitted pressures at a recording and at the last one, and the time between them."""
     return {
-        "from_pa": 1e3 * float(drawn.expected[begin]),
-        "to_pa": 1e3 * float(drawn.expected[-1]),
-        "over_s": 1e-9 * MONTH_NS * float(drawn.abscissa[-1] - drawn.abscissa[begin]),
+        "from_pa": 1e3 * float(series.expected[begin]),
+        "to_pa": 1e3 * float(series.expected[-1]),
+        "over_s": 1e-9 * MONTH_NS * float(series.abscissa[-1] - series.abscissa[begin]),
     }
 
 
@@ -212,22 +212,22 @@ def _loss(tire: TireWork, line: TrendLine, refilled: PressureLoss | None) -> tup
     loss = (
         _with_refills(plain, refilled, line) if plain.status is not Status.INVALID and refilled is not None else plain
     )
-    loss = replace(loss, std=math.hypot(loss.std, OF_FLOW * loss.value, _of_weather(line)))
+    loss = replace(loss, std=math.hypot(loss.std, OF_FLOW * loss.value, _weather_error(line)))
     if loss.status is Status.VALID and loss.value < -_CHANCE * loss.std:
         # No tire gains gas by itself: refills or what is not measured have made the trend.
         loss = replace(loss, status=Status.PROVISIONAL, reasons=(Reason(FleetCode.TREND_PRESSURE_RISES), *loss.reasons))
     fall = newest_fall(history.months[line.places], line.values, scatter_of(line.values))
     if loss.status is Status.VALID and fall is not None:
         # A leak that has begun has no rate yet, and the rate before it is not that of now.
-        begin, deviation = fall
+        onset, deviation = fall
         below = Reason(
-            FleetCode.TREND_NEWEST_FALL, count=len(line.values) - begin, date=line.dates[begin], deviation=deviation
+            FleetCode.TREND_NEWEST_FALL, count=len(line.values) - onset, date=line.dates[onset], deviation=deviation
         )
         loss = replace(loss, status=Status.PROVISIONAL, reasons=(below, *loss.reasons))
     return plain, loss
 
 
-def _of_weather(line: TrendLine) -> float:
+def _weather_error(line: TrendLine) -> float:
     """Return the error of a rate by the ambient pressure, in kPa a month: gauges measure against it.
 
     That of the least squares slope of values that are alike for some days, and scatter no more than the residuals.
@@ -256,31 +256,31 @@ def _leak(tire: TireWork, cold_kpa: FloatArray) -> bool:
     leak = newest_leak(months, values, scatter_of(values), drift_kpa if is_stuck else 0.0)
     if leak is None:
         return False
-    tested, drawn = tire.tested, len(tire.series)
+    tested, series_index = tire.tested, len(tire.series)
     line = _fitted(tire, np.where(np.arange(len(cold_kpa)) < rows[leak.begin], cold_kpa, math.nan))
     if line is None:
         tire.tested = tested
         return False
-    series, after = tire.series[drawn], len(rows) - leak.begin
-    tire.series[drawn] = replace(
+    series, count = tire.series[series_index], len(rows) - leak.begin
+    tire.series[series_index] = replace(
         series,
         abscissa=months,
         values=values,
         stds=np.full(len(rows), math.nan),
         expected=np.concatenate([series.expected, leak.expected_kpa]),
-        is_outlier=np.concatenate([series.is_outlier, np.zeros(after, dtype=bool)]),
+        is_outlier=np.concatenate([series.is_outlier, np.zeros(count, dtype=bool)]),
         steps=(*series.steps, leak.begin),
     )
-    before, before_std = combination(line, slope_after(line))
+    slope, slope_std = combination(line, slope_after(line))
     first, last = int(rows[leak.begin]), int(rows[-1])
     date, until = date_of(int(history.time_ns[first])), date_of(int(history.time_ns[last]))
-    since = Reason(FleetCode.TREND_RATE_SINCE, count=after, date=date, before=-before, std=before_std, unit="kPa/month")
+    since = Reason(FleetCode.TREND_RATE_SINCE, count=count, date=date, before=-slope, std=slope_std, unit="kPa/month")
     stuck = Reason(FleetCode.TREND_TEMPERATURE_STUCK, temperature_degc=float(degc[0]), count=len(degc))
-    now = Reason(FleetCode.TREND_NOW_SINCE, count=after, date=date)
+    level_note = Reason(FleetCode.TREND_NOW_SINCE, count=count, date=date)
     status = Status.VALID if leak.is_certain else Status.PROVISIONAL
-    for quantity, unit, value, std, state, why in (
+    for quantity, unit, value, std, state, reason in (
         (Quantity.PRESSURE_LOSS, "kPa/month", leak.rate_kpa, leak.rate_std_kpa, status, since),
-        (Quantity.PRESSURE_NOW, "kPa", leak.now_kpa, leak.now_std_kpa, status, now),
+        (Quantity.PRESSURE_NOW, "kPa", leak.now_kpa, leak.now_std_kpa, status, level_note),
     ):
         number = TrendNumber(
             quantity,
@@ -288,8 +288,8 @@ def _leak(tire: TireWork, cold_kpa: FloatArray) -> bool:
             std,
             unit,
             state,
-            (why, *((stuck,) if is_stuck else ())),
-            after,
+            (reason, *((stuck,) if is_stuck else ())),
+            count,
             max(leak.freedom, 1),
             value - 2.0 * std,
             value + 2.0 * std,
@@ -299,15 +299,15 @@ def _leak(tire: TireWork, cold_kpa: FloatArray) -> bool:
         level = float(series.expected[-1])
         onset = Change(first, math.log(leak.now_kpa / level) if 0.0 < leak.now_kpa < level else None, grows=True)
         part: dict[str, Value] = {
-            "date": date, "until": until, "count": after,
+            "date": date, "until": until, "count": count,
             "first": history.recordings[first], "last": history.recordings[last],
             "since_s": 1e-9 * (float(history.time_ns[0]) + MONTH_NS * leak.date_months),
             "since_std_s": 1e-9 * MONTH_NS * leak.date_std_months,
         }  # fmt: skip
         loses = Reason(
-            FleetCode.TREND_LOSS_CHANGED, before_pa=-1e3 * before, before_std_pa=1e3 * before_std,
+            FleetCode.TREND_LOSS_CHANGED, before_pa=-1e3 * slope, before_std_pa=1e3 * slope_std,
             after_pa=1e3 * leak.rate_kpa, after_std_pa=1e3 * leak.rate_std_kpa,
-            **_from_to(tire.series[drawn], leak.begin - 1), **part,
+            **_from_to(tire.series[series_index], leak.begin - 1), **part,
         )  # fmt: skip
         if leak.rate_std_kpa > _KNOWN_RATE * leak.rate_kpa:
             fall_std = math.hypot(leak.now_std_kpa, scatter_of(values))
@@ -339,11 +339,11 @@ def _fallen(history: TireHistory, line: TrendLine) -> Reason | None:
     change, std = combination(line, line.design[used[-1]] - line.design[used[0]])
     if -1e3 * change < _NOTABLE_FALL_PA or -change < finding_quantile(line) * std:
         return None
-    now = float(line.fit.expected[used[-1]])
-    return _reason_of_fall(history, first, last, (now - change, now), std)
+    last_kpa = float(line.fit.expected[used[-1]])
+    return _reason_of_fall(history, first, last, (last_kpa - change, last_kpa), std)
 
 
-def _fresh_fall(tire: TireWork, cold_kpa: FloatArray) -> Finding | None:
+def _new_fall(tire: TireWork, cold_kpa: FloatArray) -> Finding | None:
     """Return the finding of a fall that the newest recordings show and that is too new for a rate; None without one.
 
     Args:
@@ -355,22 +355,22 @@ def _fresh_fall(tire: TireWork, cold_kpa: FloatArray) -> Finding | None:
     if rows.size < LEAST_RECORDINGS:
         return None
     scatter = max(scatter_of(values), _LEAST_SCATTER_KPA)
-    for count in range(min(_MOST_NEW, rows.size - _LEAST_BEFORE), _LEAST_NEW - 1, -1):
-        before, after = values[:-count][-_BEFORE:], values[-count:]
+    for count in range(min(_MOST_NEW, rows.size - _LEAST_EARLIER), _LEAST_NEW - 1, -1):
+        before, after = values[:-count][-_MOST_EARLIER:], values[-count:]
         level, std = float(np.median(before)), scatter * math.sqrt(1.0 + 0.5 * math.pi / len(before))
         fall = level - float(after[-1])
-        if after.max() < before.min() - scatter and fall > max(1e-3 * _NOTABLE_FRESH_PA, _FRESH * std):
-            between = (level, float(after[-1]))
-            fell = _reason_of_fall(tire.history, int(rows[-count - 1]), int(rows[-1]), between, std)
+        if after.max() < before.min() - scatter and fall > max(1e-3 * _NOTABLE_NEW_PA, _NEW_FALL_STDS * std):
+            ends_kpa = (level, float(after[-1]))
+            fell = _reason_of_fall(tire.history, int(rows[-count - 1]), int(rows[-1]), ends_kpa, std)
             return Finding(fell, PRESSURE, Change(int(rows[-count]), -fall / level, grows=True))
     return None
 
 
 def _reason_of_fall(
-    history: TireHistory, first: int, last: int, between_kpa: tuple[float, float], std_kpa: float
+    history: TireHistory, first: int, last: int, ends_kpa: tuple[float, float], std_kpa: float
 ) -> Reason:
     """Return that the pressure has fallen between two recordings."""
-    before_kpa, now_kpa = between_kpa
+    before_kpa, now_kpa = ends_kpa
     return Reason(
         FleetCode.TREND_PRESSURE_FELL,
         from_pa=1e3 * before_kpa,
@@ -389,14 +389,14 @@ def _with_refills(plain: TrendNumber, refilled: PressureLoss, line: TrendLine) -
 
     The line knows of recordings that follow each other, the likelihood of refills does not.
     """
-    half = 0.5 * (plain.high - plain.low)
-    low, high = min(refilled.low, refilled.value - half), max(refilled.high, refilled.value + half)
+    half_width = 0.5 * (plain.high - plain.low)
+    low, high = min(refilled.low, refilled.value - half_width), max(refilled.high, refilled.value + half_width)
     notes = plain.reasons
     # Without refills the interval would be less than half as wide upwards: they are what limits it.
-    if high - refilled.value > 2.0 * (refilled.high_unrefilled - refilled.value) and high - refilled.value > half:
+    if high - refilled.value > 2.0 * (refilled.high_unrefilled - refilled.value) and high - refilled.value > half_width:
         notes = (*notes, Reason(FleetCode.TREND_REFILLS_HIDE, low_pa=1e3 * max(low, 0.0), high_pa=1e3 * high))
-    if (often := _hidden_by_frequent_refills(line)) is not None:
-        notes = (*notes, often)
+    if (refill_note := _hidden_by_frequent_refills(line)) is not None:
+        notes = (*notes, refill_note)
     std = max(refilled.std, plain.std)
     # Weather makes recordings that follow each other alike, and so do refills: which of the two is not known.
     used = ~line.search.is_outlier

@@ -28,16 +28,16 @@ def doubt_of(doubts: Sequence[str]) -> Reason | None:
     Args:
         doubts: (n,) why each value is provisional; empty where it is valid.
     """
-    stated = Counter(doubt for doubt in doubts if doubt)
-    if not stated or stated.total() < _CONSIDERABLE * len(doubts):
+    counts = Counter(doubt for doubt in doubts if doubt)
+    if not counts or counts.total() < _CONSIDERABLE * len(doubts):
         return None
-    why = stated.most_common(1)[0][0]
-    return Reason(FleetCode.TREND_PROVISIONAL, count=stated.total(), of=len(doubts), why=why)
+    commonest = counts.most_common(1)[0][0]
+    return Reason(FleetCode.TREND_PROVISIONAL, count=counts.total(), of=len(doubts), why=commonest)
 
 
 def findings_of_recordings(history: TireHistory) -> Iterator[Reason]:
     """Yield a finding for each alarm by its name, for rejected revolutions, and for damaged files."""
-    of = len(history.recordings)
+    total = len(history.recordings)
     counts: Counter[str] = Counter()
     last: dict[str, str] = {}
     for alarms in history.alarms:
@@ -46,16 +46,16 @@ def findings_of_recordings(history: TireHistory) -> Iterator[Reason]:
     for name, count in counts.most_common():
         first = next(index for index, alarms in enumerate(history.alarms) if name in dict(alarms))
         since = 1e-9 * float(history.time_ns[first])
-        yield Reason(FleetCode.TREND_ALARMS, name=name, count=count, of=of, why=last[name], since_s=since)
+        yield Reason(FleetCode.TREND_ALARMS, name=name, count=count, of=total, why=last[name], since_s=since)
     revolutions, valid = history.column("revolutions"), history.column("revolutions_valid")
-    few = np.flatnonzero((revolutions > 0.0) & (valid < _LEAST_VALID_SHARE * revolutions))
-    if few.size and history.faults:
-        whys: dict[str, int] = defaultdict(int)
-        for index in few:
-            whys[history.faults[index]] += 1
-        commonest, since = max(whys, key=lambda why: whys[why]), 1e-9 * float(history.time_ns[few[0]])
-        yield Reason(FleetCode.TREND_FEW_VALID, count=int(few.size), of=of, why=commonest, since_s=since)
+    few_valid = np.flatnonzero((revolutions > 0.0) & (valid < _LEAST_VALID_SHARE * revolutions))
+    if few_valid.size and history.faults:
+        faults: dict[str, int] = defaultdict(int)
+        for index in few_valid:
+            faults[history.faults[index]] += 1
+        commonest, since = max(faults, key=lambda fault: faults[fault]), 1e-9 * float(history.time_ns[few_valid[0]])
+        yield Reason(FleetCode.TREND_FEW_VALID, count=int(few_valid.size), of=total, why=commonest, since_s=since)
     damaged = np.flatnonzero(history.column("damaged") > 0.0)
     if damaged.size:
         since = 1e-9 * float(history.time_ns[damaged[0]])
-        yield Reason(FleetCode.TREND_DAMAGED, count=int(damaged.size), of=of, since_s=since)
+        yield Reason(FleetCode.TREND_DAMAGED, count=int(damaged.size), of=total, since_s=since)

@@ -81,7 +81,7 @@ def pressure_loss(months: FloatArray, cold_kpa: FloatArray) -> PressureLoss | No
         return None
     scatter = max(scatter_of(cold_kpa), _LEAST_SCATTER_KPA)
     times_months, values, counts = _averaged(months, cold_kpa)
-    losses, kinds = _tried(times_months, values, scatter), _kinds(scatter, (1.0,))
+    losses, kinds = _candidate_losses(times_months, values, scatter), _refill_kinds(scatter, (1.0,))
     log_likelihood = _log_likelihood(times_months, values, counts, losses, kinds, scatter / _CELLS_A_SCATTER)
     for _ in range(_EXTENSIONS):
         likely = log_likelihood.max(axis=1) >= log_likelihood.max() - _REFINED
@@ -90,28 +90,28 @@ def pressure_loss(months: FloatArray, cold_kpa: FloatArray) -> PressureLoss | No
         reach = float(losses[-1] - losses[0])
         losses = np.linspace(losses[0] - reach * likely[0], losses[-1] + reach * likely[-1], _COARSE)
         log_likelihood = _log_likelihood(times_months, values, counts, losses, kinds, scatter / _CELLS_A_SCATTER)
-    kinds = _kinds(scatter, _SCATTERS)
+    kinds = _refill_kinds(scatter, _SCATTERS)
     for _ in range(2):
-        every = log_likelihood.max(axis=1)
-        near = np.flatnonzero(every >= every.max() - _REFINED)
-        losses = np.linspace(losses[max(near[0] - 1, 0)], losses[min(near[-1] + 1, len(losses) - 1)], _FINE)
+        profile = log_likelihood.max(axis=1)
+        window = np.flatnonzero(profile >= profile.max() - _REFINED)
+        losses = np.linspace(losses[max(window[0] - 1, 0)], losses[min(window[-1] + 1, len(losses) - 1)], _FINE)
         log_likelihood = _log_likelihood(times_months, values, counts, losses, kinds, scatter / _CELLS_A_SCATTER)
         # Kinds that are out of the question everywhere cost time only; that without refills is reported.
         is_possible = (log_likelihood.max(axis=0) >= log_likelihood.max() - _REFINED) | (kinds[:, 0] == 0.0)
         kinds, log_likelihood = kinds[is_possible], log_likelihood[:, is_possible]
-    every, unrefilled = log_likelihood.max(axis=1), log_likelihood[:, kinds[:, 0] == 0.0].max(axis=1)
-    narrow = _interval(losses, every, _NARROW)
+    profile, unrefilled = log_likelihood.max(axis=1), log_likelihood[:, kinds[:, 0] == 0.0].max(axis=1)
+    narrow = _interval(losses, profile, _NARROW)
     return PressureLoss(
-        value=_vertex(losses, every),
+        value=_vertex(losses, profile),
         std=0.5 * (narrow[1] - narrow[0]),
-        low=_interval(losses, every, _LOW)[0],
-        high=_interval(losses, every, _FAR)[1],
-        least=_interval(losses, every, _FAR)[0],
+        low=_interval(losses, profile, _LOW)[0],
+        high=_interval(losses, profile, _FAR)[1],
+        least=_interval(losses, profile, _FAR)[0],
         high_unrefilled=_interval(losses, unrefilled, _FAR)[1],
     )
 
 
-def _kinds(scatter: float, factors: Sequence[float]) -> FloatArray:
+def _refill_kinds(scatter: float, factors: Sequence[float]) -> FloatArray:
     """Return rate, mean size and scatter of every kind of refills, (h, 3)."""
     return np.array(
         [
@@ -133,12 +133,12 @@ def _averaged(months: FloatArray, values: FloatArray) -> tuple[FloatArray, Float
     count = len(months)
     if count <= _MOST_POINTS:
         return months, values, np.ones(count)
-    begins = np.linspace(0, count, _MOST_POINTS + 1).astype(int)[:-1]
-    counts = np.diff(np.append(begins, count)).astype(np.float64)
-    return np.add.reduceat(months, begins) / counts, np.add.reduceat(values, begins) / counts, counts
+    starts = np.linspace(0, count, _MOST_POINTS + 1).astype(int)[:-1]
+    counts = np.diff(np.append(starts, count)).astype(np.float64)
+    return np.add.reduceat(months, starts) / counts, np.add.reduceat(values, starts) / counts, counts
 
 
-def _tried(months: FloatArray, values: FloatArray, scatter: float) -> FloatArray:
+def _candidate_losses(months: FloatArray, values: FloatArray, scatter: float) -> FloatArray:
     """Return losses that jumps of at most all rises or falls between neighbours could make of the fitted slope."""
     span = float(months[-1] - months[0])
     slope = float(np.polyfit(months, values, 1)[0])
@@ -160,20 +160,20 @@ def _log_likelihood(
     half = round(_HALF_WINDOW * _CELLS_A_SCATTER)
     size = 2 * half + 1
     index = np.arange(size)
-    moved = values + losses[:, None] * months
-    centres = np.round(moved / cell).astype(np.int64)
-    offsets = moved - centres * cell
+    detrended = values + losses[:, None] * months
+    centres = np.round(detrended / cell).astype(np.int64)
+    offsets = detrended - centres * cell
     levels = (index - half) * cell
     steps = cell / sizes
-    grown = np.exp(steps[:, None] * index)
+    weights = np.exp(steps[:, None] * index)
     shape = (len(losses), len(rates), size)
     total = np.zeros(shape[:2])
     state = np.full(shape, 1.0 / size)
     for recording in range(len(months)):
         if recording:
             source = index + (centres[:, recording] - centres[:, recording - 1])[:, None]
-            jumped = 1.0 - np.exp(-rates * (months[recording] - months[recording - 1]))
-            state = _moved(state, source, jumped, steps, grown)
+            jump_probability = 1.0 - np.exp(-rates * (months[recording] - months[recording - 1]))
+            state = _next_state(state, source, jump_probability, steps, weights)
         stds = scatters / math.sqrt(counts[recording])
         deviations = (offsets[:, recording, None] - levels)[:, None, :] / stds[:, None]
         state = state * np.exp(-0.5 * deviations**2) / stds[:, None]
@@ -183,21 +183,21 @@ def _log_likelihood(
     return total
 
 
-def _moved(
-    state: FloatArray, source: NDArray[np.int64], jumped: FloatArray, steps: FloatArray, grown: FloatArray
+def _next_state(
+    state: FloatArray, source: NDArray[np.int64], jump_probability: FloatArray, steps: FloatArray, weights: FloatArray
 ) -> FloatArray:
     """Return the probabilities of levels after the time to the next recording.
 
     Args:
         state: (k, h, size) before.
         source: (k, size) cell of the window before that has the same level as each cell of the next.
-        jumped: (h,) probability of a jump.
+        jump_probability: (h,) probability of a jump.
         steps: (h,) cell over the mean size of a jump.
-        grown: (h, size) exponentials over the cells of the window.
+        weights: (h, size) exponentials over the cells of the window.
     """
     size = state.shape[2]
 
-    def taken(values: FloatArray, cells: NDArray[np.int64]) -> FloatArray:
+    def shifted(values: FloatArray, cells: NDArray[np.int64]) -> FloatArray:
         """Return values (k, h, size) at other cells, 0 outside the window."""
         inside = np.clip(cells, 0, size - 1)
         gathered = np.take_along_axis(values, np.broadcast_to(inside[:, None, :], values.shape), axis=2)
@@ -205,12 +205,12 @@ def _moved(
 
     below, above = np.minimum(source, size - 1), np.maximum(source, 0)
     rate = steps[:, None]
-    up = taken(np.cumsum(state * grown, axis=2), below) * np.exp(-rate * source[:, None, :].clip(min=0))
-    down = taken(np.cumsum((state / grown)[:, :, ::-1], axis=2)[:, :, ::-1], above)
+    up = shifted(np.cumsum(state * weights, axis=2), below) * np.exp(-rate * source[:, None, :].clip(min=0))
+    down = shifted(np.cumsum((state / weights)[:, :, ::-1], axis=2)[:, :, ::-1], above)
     down = down * np.exp(rate * source[:, None, :].clip(max=size - 1))
     jumps = rate * ((1.0 - _DOWNWARD) * up + _DOWNWARD * down)
-    jump_share = jumped[:, None]
-    return np.asarray((1.0 - jump_share) * taken(state, source) + jump_share * jumps)
+    jump_share = jump_probability[:, None]
+    return np.asarray((1.0 - jump_share) * shifted(state, source) + jump_share * jumps)
 
 
 def _vertex(abscissa: FloatArray, heights: FloatArray) -> float:

@@ -65,9 +65,9 @@ def weights_of(design: FloatArray, values: FloatArray, stds: FloatArray) -> Floa
     errors = np.where(np.isfinite(stds) & (stds > 0.0), stds, 0.0)
     residuals = values - design @ np.linalg.lstsq(design, values, rcond=None)[0]
     tau = _MAD_TO_STD * float(np.median(np.abs(residuals - np.median(residuals))))
-    stated = errors[errors > 0.0]
-    if stated.size:
-        errors *= min(1.0, tau / float(np.median(stated)))
+    known_errors = errors[errors > 0.0]
+    if known_errors.size:
+        errors *= min(1.0, tau / float(np.median(known_errors)))
     variance = errors**2 + tau**2
     largest = float(variance.max())
     if not largest > 0.0:
@@ -92,26 +92,26 @@ def fit(design: FloatArray, values: FloatArray, weights: FloatArray, used: BoolA
     if freedom < LEAST_FREEDOM:
         return None
     root = np.sqrt(weights[used])
-    rows, wanted = design[used] * root[:, None], values[used] * root
+    rows, targets = design[used] * root[:, None], values[used] * root
     norms = np.linalg.norm(rows, axis=0)
     if not np.all(norms > 0.0) or np.linalg.cond(rows / norms) > _WORST_CONDITION:
         return None
     inverse = np.linalg.inv((rows / norms).T @ (rows / norms)) / np.outer(norms, norms)
-    coefficients = inverse @ (rows.T @ wanted)
-    residuals = wanted - rows @ coefficients
+    coefficients = inverse @ (rows.T @ targets)
+    residuals = targets - rows @ coefficients
     leverage = np.minimum(np.einsum("ij,jk,ik->i", rows, inverse, rows), _LARGEST_LEVERAGE)
     scaled = rows * (residuals / (1.0 - leverage))[:, None]
     covariance = inverse @ (scaled.T @ scaled) @ inverse
     covariance *= _chance_correlation_factor(rows, residuals / np.sqrt(1.0 - leverage), design[used])
-    everywhere = np.zeros(len(values))
-    everywhere[used] = leverage
+    all_leverage = np.zeros(len(values))
+    all_leverage[used] = leverage
     expected = design @ coefficients
     return Fit(
         coefficients=coefficients,
         covariance=covariance,
         residuals=values - expected,
         expected=expected,
-        leverage=everywhere,
+        leverage=all_leverage,
         scale=math.sqrt(float(residuals @ residuals) / freedom),
         weights=weights,
         freedom=freedom,
@@ -133,15 +133,15 @@ def _chance_correlation_factor(rows: FloatArray, residuals: FloatArray, design: 
     from scipy import stats
 
     root = np.linalg.norm(rows, axis=1) / np.linalg.norm(design, axis=1)
-    along = 2.0 * (design[:, 1] - design[:, 1].min()) / np.ptp(design[:, 1]) - 1.0
+    abscissa = 2.0 * (design[:, 1] - design[:, 1].min()) / np.ptp(design[:, 1]) - 1.0
     basis = np.linalg.qr(rows)[0]
-    bends = root[:, None] * np.column_stack([along**power for power in _BENDS])
-    across = np.linalg.qr(bends - basis @ (basis.T @ bends))[0]
-    straight = residuals - across @ (across.T @ residuals)
-    rest, gain = float(straight @ straight), float(residuals @ residuals) - float(straight @ straight)
-    if not rest > 0.0 or stats.f.sf(gain / len(_BENDS) * freedom / rest, len(_BENDS), freedom) > _BENT:
+    bends = root[:, None] * np.column_stack([abscissa**power for power in _BENDS])
+    bend_basis = np.linalg.qr(bends - basis @ (basis.T @ bends))[0]
+    remaining = residuals - bend_basis @ (bend_basis.T @ residuals)
+    misfit, gain = float(remaining @ remaining), float(residuals @ residuals) - float(remaining @ remaining)
+    if not misfit > 0.0 or stats.f.sf(gain / len(_BENDS) * freedom / misfit, len(_BENDS), freedom) > _BENT:
         return correlation_factor(residuals, columns)
-    return correlation_factor(straight, columns + len(_BENDS))
+    return correlation_factor(remaining, columns + len(_BENDS))
 
 
 def correlation_factor(residuals: FloatArray, columns: int) -> float:
@@ -153,7 +153,7 @@ def correlation_factor(residuals: FloatArray, columns: int) -> float:
     square = float(residuals @ residuals)
     if count < 8 or not square > 0.0:
         return 1.0
-    seen = float(residuals[1:] @ residuals[:-1]) / square
-    correlation = min(seen + (columns + 3.0 * max(seen, 0.0)) / count, 0.95)
+    biased = float(residuals[1:] @ residuals[:-1]) / square
+    correlation = min(biased + (columns + 3.0 * max(biased, 0.0)) / count, 0.95)
     # Within the noise of an uncorrelated series nothing is added.
     return (1.0 + correlation) / (1.0 - correlation) if correlation > 1.0 / math.sqrt(count) else 1.0

@@ -33,7 +33,7 @@ from gateway.fleet.trends.watched_series import SERIES, followed_by
 # Inflation of the variance of a trend by a covariate from which the two are usually called collinear.
 _MOST_INFLATION: Final = 10.0
 # Share of the whole change of the steady value to which gain and zero are known where they are parted.
-_PARTED: Final = 0.25
+_PARTED_SHARE: Final = 0.25
 # Series of the sensor whose outliers are reported.
 _TESTED_OF_SENSOR: Final = frozenset({"noise_mps2", "mounting_offset_m"})
 # Value of the finding of a sensor that drifts, from the change in the unit of the series.
@@ -66,8 +66,8 @@ def add_sensor(tire: TireWork) -> None:
         if line is not None:
             _judge_sensor(tire, name, line, changes_from)
             continue
-        why = reason_missing(history, name if name in history.invalid else "", values)
-        tire.numbers.append(TrendNumber(rate_of(watch), unit=f"{watch.unit}/month", reasons=(why,)))
+        reason = reason_missing(history, name if name in history.invalid else "", values)
+        tire.numbers.append(TrendNumber(rate_of(watch), unit=f"{watch.unit}/month", reasons=(reason,)))
 
 
 def _judge_sensor(tire: TireWork, name: str, line: TrendLine, changes_from: int) -> None:
@@ -86,8 +86,8 @@ def _judge_sensor(tire: TireWork, name: str, line: TrendLine, changes_from: int)
     if not is_separable:
         del tire.findings[changes_from:]
         if rate.status is not Status.INVALID:
-            why = Reason(FleetCode.TREND_SPEED_WITH_TIME)
-            rate = replace(rate, status=Status.PROVISIONAL, reasons=(why, *rate.reasons))
+            reason = Reason(FleetCode.TREND_SPEED_WITH_TIME)
+            rate = replace(rate, status=Status.PROVISIONAL, reasons=(reason, *rate.reasons))
     tire.numbers.append(rate)
     if name == "gain" and line.doubt is not None:
         # That gain and zero are not parted in a recording, or contradict what is stated, is what changes.
@@ -144,24 +144,24 @@ def _steady_value(tire: TireWork, line: TrendLine) -> Iterator[Finding]:
     # Two are parted where each is known to a share of what would explain all, or of what matters.
     if (
         parted is not None
-        and parted.gain_std < _PARTED * max(abs(share), 2.0 * least_gain)
-        and parted.zero_std_mps2 < _PARTED * max(abs(as_zero_mps2), 2.0 * zero.notable)
+        and parted.gain_std < _PARTED_SHARE * max(abs(share), 2.0 * least_gain)
+        and parted.zero_std_mps2 < _PARTED_SHARE * max(abs(as_zero_mps2), 2.0 * zero.notable)
     ):
-        many = quantile_of(parted.freedom)
-        moved = (
+        quantile = quantile_of(parted.freedom)
+        changes = (
             (of_gain, parted.gain, parted.gain_std, least_gain),
             (of_zero, parted.zero_mps2, parted.zero_std_mps2, zero.notable),
         )
-        for (name, _, watch), size, size_std, least in moved:
-            if abs(size) <= max(many * size_std, least) or watch.drift is None:
+        for (name, _, watch), size, size_std, notable in changes:
+            if abs(size) <= max(quantile * size_std, notable) or watch.drift is None:
                 continue
             if parted.begin is None:
                 code, value = watch.drift
                 yield Finding(Reason(code, **{value: size}, std=size_std), name)
             else:
                 scaled, begin = (watch.factor * size, watch.factor * size_std), steps[parted.begin]
-                since = reason_of_change(watch.level, history, name, line, scaled, begin, len(line.values))
-                yield Finding(since, name)
+                reason = reason_of_change(watch.level, history, name, line, scaled, begin, len(line.values))
+                yield Finding(reason, name)
     elif abs(change) > finding_quantile(line) * std and (abs(share) > least_gain or abs(as_zero_mps2) > zero.notable):
         yield Finding(
             Reason(FleetCode.TREND_SENSOR_STEADY, share=share, change_mps2=as_zero_mps2, std=std / gain.factor), "gain"

@@ -37,10 +37,10 @@ def stated_changes(history: TireHistory) -> list[StatedChange]:
     """Return the changes of all statements, in the order of time; recordings that state nothing are passed over."""
     all_changes: list[StatedChange] = []
     for statement, texts in history.stated.items():
-        stated = [(index, text) for index, text in enumerate(texts) if text]
+        known_texts = [(index, text) for index, text in enumerate(texts) if text]
         changes = [
             StatedChange(statement, index, before, after)
-            for (_, before), (index, after) in pairwise(stated)
+            for (_, before), (index, after) in pairwise(known_texts)
             if before != after
         ]
         if statement is not Statement.LOAD or len(changes) <= _MOST_LOADS:
@@ -50,26 +50,26 @@ def stated_changes(history: TireHistory) -> list[StatedChange]:
 
 def places_of(changes: Iterable[StatedChange], name: str) -> list[int]:
     """Return the recordings at which the level of a series changes with what is stated, each once."""
-    resting = SERIES[name].watch.shifted_by
-    return sorted({change.recording_index for change in changes if change.statement in resting})
+    statements = SERIES[name].watch.shifted_by
+    return sorted({change.recording_index for change in changes if change.statement in statements})
 
 
 def findings_of_changes(history: TireHistory, changes: Iterable[StatedChange]) -> list[Reason]:
     """Return a finding for each change, the first ones of each statement only."""
-    named: dict[Statement, list[Reason]] = {}
+    by_statement: dict[Statement, list[Reason]] = {}
     for change in changes:
         since = history.since(change.recording_index)
         date = str(np.datetime64(int(history.time_ns[change.recording_index]), "ns").astype("datetime64[D]"))
-        mine = named.setdefault(change.statement, [])
-        if len(mine) < _MOST_NAMED:
-            what = "load" if change.statement is Statement.CALIBRATION else "tire"
+        reasons = by_statement.setdefault(change.statement, [])
+        if len(reasons) < _MOST_NAMED:
+            kind = "load" if change.statement is Statement.CALIBRATION else "tire"
             # Only loads and radii are numbers, which are told.
             is_number = change.statement in (Statement.LOAD, Statement.RADIUS)
             values: dict[str, Value] = (
                 {"before": float(change.before), "after": float(change.after)} if is_number else {}
             )
-            stated = str(change.statement)
-            mine.append(
-                Reason(FleetCode.TREND_STATED_CHANGED, statement=stated, date=date, what=what, **values, **since)
+            name = str(change.statement)
+            reasons.append(
+                Reason(FleetCode.TREND_STATED_CHANGED, statement=name, date=date, what=kind, **values, **since)
             )
-    return [finding for findings in named.values() for finding in findings]
+    return [finding for findings in by_statement.values() for finding in findings]

@@ -16,7 +16,7 @@ from gateway.fleet.trends.regression import Fit
 
 # Probability that a gain looks like a zero or a zero like a gain; errors within which a change is not needed.
 _CHANCE: Final = 0.01
-_NONE: Final = 2.0
+_NO_CHANGE: Final = 2.0
 
 
 class SteadyDrift(NamedTuple):
@@ -54,28 +54,28 @@ def parted_drift(
         return None
     time, lever, values = months[usable], lever[usable], ratio[usable]
     span = float(np.ptp(time))
-    share = (time - time.mean()) / span if span > 0.0 else time
-    courses = [share, *((np.flatnonzero(usable) >= begin).astype(np.float64) for begin in steps)]
+    ramp = (time - time.mean()) / span if span > 0.0 else time
+    courses = [ramp, *((np.flatnonzero(usable) >= step).astype(np.float64) for step in steps)]
 
     def fit_of(course: FloatArray, *changes: FloatArray) -> Fit | None:
         design = np.column_stack([np.ones(len(time)), lever, *(course * change for change in changes)])
         return find_outliers(design, values, np.ones(len(time)), family=1).fit
 
     ones = np.ones(len(time))
-    both = [(course, fit) for course in courses if (fit := fit_of(course, ones, lever)) is not None]
-    if not both:
+    fits = [(course, fit) for course in courses if (fit := fit_of(course, ones, lever)) is not None]
+    if not fits:
         return None
-    course, fit = min(both, key=lambda item: float(np.median(np.abs(item[1].residuals))))
-    begin = next((number for number, step in enumerate(courses[1:]) if step is course), None)
+    course, fit = min(fits, key=lambda item: float(np.median(np.abs(item[1].residuals))))
+    step_number = next((number for number, step in enumerate(courses[1:]) if step is course), None)
     # Where one is needed beside the other, and the other is not, it explains the change alone.
     sizes, errors = np.abs(fit.coefficients[2:]), np.array([fit.std(2), fit.std(3)])
-    is_alone = (sizes > stats.t.ppf(1.0 - 0.5 * _CHANCE, fit.freedom) * errors) & (sizes < _NONE * errors)[::-1]
-    alone = fit_of(course, ones if is_alone[0] else lever) if is_alone.any() else None
-    if alone is None:
+    is_alone = (sizes > stats.t.ppf(1.0 - 0.5 * _CHANCE, fit.freedom) * errors) & (sizes < _NO_CHANGE * errors)[::-1]
+    single_fit = fit_of(course, ones if is_alone[0] else lever) if is_alone.any() else None
+    if single_fit is None:
         sizes = fit.coefficients[2:]
-        return SteadyDrift(float(sizes[0]), fit.std(2), float(sizes[1]), fit.std(3), fit.freedom, begin)
-    only, nothing = (float(alone.coefficients[2]), alone.std(2)), (0.0, 0.0)
-    return SteadyDrift(*(only + nothing if is_alone[0] else nothing + only), alone.freedom, begin)
+        return SteadyDrift(float(sizes[0]), fit.std(2), float(sizes[1]), fit.std(3), fit.freedom, step_number)
+    only, nothing = (float(single_fit.coefficients[2]), single_fit.std(2)), (0.0, 0.0)
+    return SteadyDrift(*(only + nothing if is_alone[0] else nothing + only), single_fit.freedom, step_number)
 
 
 def zero_of(ratio: float, radius_m: FloatArray, speed_mps: FloatArray) -> float:

@@ -20,9 +20,9 @@ LAST_ORDER: Final = 50
 
 # Angle from the sensor's contact centre from which on a change is not that of the contact itself.
 _FAR_RAD: Final = 0.6
-_ANGLES: Final = 120
-_ROUND: Final = np.linspace(-np.pi, np.pi, _ANGLES, endpoint=False)
-_FAR: Final = _ROUND[np.abs(_ROUND) > _FAR_RAD]
+_ANGLE_COUNT: Final = 120
+_ANGLES_RAD: Final = np.linspace(-np.pi, np.pi, _ANGLE_COUNT, endpoint=False)
+_FAR_ANGLES_RAD: Final = _ANGLES_RAD[np.abs(_ANGLES_RAD) > _FAR_RAD]
 _COVARIATES: Final = ("contact_length_m", "pressure_pa", "temperature_degc")
 # Recordings from which each power of the speed is fitted: waves run on at their own speed, and turn with that of the
 # wheel. Freedom that must remain, recordings before and after a change.
@@ -33,14 +33,14 @@ _LEAST_AFTER: Final = 3
 STEPS_APART: Final = 3
 RAMPS: Final = (0.0, 0.25, 0.5, 0.75)
 # Part of a course that must be independent of the conditions.
-_LEAST_APART: Final = 0.3
+_LEAST_SHARE: Final = 0.3
 # Orders of recordings by chance that the course is compared with, and standard deviations beyond their mean: healthy
 # rings reach 4. Change that is worth a finding, root mean square over R Omega^2.
-_CHANCES: Final = 100
-_MANY: Final = 6.0
+_SHUFFLES: Final = 100
+_CHANCE_STDS: Final = 6.0
 _NOTABLE: Final = 2e-3
 # A single recording counts no more than so many scatters.
-_LARGEST: Final = 4.0
+_MOST_SCATTERS: Final = 4.0
 
 
 class StructureChange(NamedTuple):
@@ -77,32 +77,32 @@ def structure_change(history: TireHistory) -> StructureChange | None:
     base = np.linalg.qr(columns)[0]
     waves = _without(base, _far_waveforms(orders[rows]))
     scatters = np.sqrt(np.mean(waves**2, axis=1, keepdims=True))
-    waves *= np.minimum(1.0, _LARGEST * np.median(scatters) / np.maximum(scatters, 1e-12))
-    courses, begins = _courses(history.months[rows])
-    apart = _without(base, courses)
-    usable = np.linalg.norm(apart, axis=0) > _LEAST_APART * np.linalg.norm(courses - courses.mean(axis=0), axis=0)
-    courses, begins, apart = courses[:, usable], begins[usable], apart[:, usable]
+    waves *= np.minimum(1.0, _MOST_SCATTERS * np.median(scatters) / np.maximum(scatters, 1e-12))
+    courses, onsets = _courses(history.months[rows])
+    residual = _without(base, courses)
+    usable = np.linalg.norm(residual, axis=0) > _LEAST_SHARE * np.linalg.norm(courses - courses.mean(axis=0), axis=0)
+    courses, onsets, residual = courses[:, usable], onsets[usable], residual[:, usable]
     freedom = len(rows) - columns.shape[1] - 1
     if not courses.size or not np.any(waves):
         return None
-    along = apart / np.linalg.norm(apart, axis=0)
-    chance = np.random.default_rng(len(rows))
-    explained = _explained(along, waves, freedom)
+    normed = residual / np.linalg.norm(residual, axis=0)
+    rng = np.random.default_rng(len(rows))
+    explained = _explained(normed, waves, freedom)
     by_chance = [
-        _explained(along, _without(base, waves[chance.permutation(len(rows))]), freedom).max() for _ in range(_CHANCES)
+        _explained(normed, _without(base, waves[rng.permutation(len(rows))]), freedom).max() for _ in range(_SHUFFLES)
     ]
-    best = int(explained.argmax())
-    if explained[best] < np.mean(by_chance) + _MANY * np.std(by_chance):
+    peak = int(explained.argmax())
+    if explained[peak] < np.mean(by_chance) + _CHANCE_STDS * np.std(by_chance):
         return None
-    change = courses[-1, best] * (along[:, best] @ waves) / np.linalg.norm(apart[:, best])
-    rest = waves - np.outer(along[:, best], along[:, best] @ waves)
-    scatter = float(np.sqrt(np.sum(rest**2) / freedom / waves.shape[1]))
+    change = courses[-1, peak] * (normed[:, peak] @ waves) / np.linalg.norm(residual[:, peak])
+    unexplained = waves - np.outer(normed[:, peak], normed[:, peak] @ waves)
+    scatter = float(np.sqrt(np.sum(unexplained**2) / freedom / waves.shape[1]))
     share = float(np.sqrt(np.mean(change**2)))
     if share < _NOTABLE:
         return None
-    std = scatter * float(courses[-1, best] / np.linalg.norm(apart[:, best]))
-    is_sudden = best >= int(usable[: len(RAMPS)].sum())
-    return StructureChange(int(rows[begins[best]]), is_sudden, share, std, scatter)
+    std = scatter * float(courses[-1, peak] / np.linalg.norm(residual[:, peak]))
+    is_sudden = peak >= int(usable[: len(RAMPS)].sum())
+    return StructureChange(int(rows[onsets[peak]]), is_sudden, share, std, scatter)
 
 
 def _columns(speed: FloatArray, conditions: list[FloatArray]) -> FloatArray:
@@ -130,7 +130,7 @@ def _without(base: FloatArray, values: FloatArray) -> FloatArray:
 
 def _far_waveforms(orders: FloatArray) -> FloatArray:
     """Return the waveforms (n, angles) of cosines and sines, in turn, of the orders."""
-    phases = np.outer(np.arange(FIRST_ORDER, LAST_ORDER + 1), _FAR)
+    phases = np.outer(np.arange(FIRST_ORDER, LAST_ORDER + 1), _FAR_ANGLES_RAD)
     return np.asarray(orders[:, 0::2] @ np.cos(phases) + orders[:, 1::2] @ np.sin(phases), dtype=np.float64)
 
 
@@ -139,15 +139,15 @@ def _courses(months: FloatArray) -> tuple[FloatArray, IntArray]:
     count, span = len(months), months[-1] - months[0]
     growing = [np.maximum(months - months[0] - share * span, 0.0) for share in RAMPS]
     steps = range(2 * _LEAST_AFTER, count - _LEAST_AFTER + 1, STEPS_APART)
-    begins = [int(np.flatnonzero(course)[0]) if course.any() else 0 for course in growing]
+    onsets = [int(np.flatnonzero(course)[0]) if course.any() else 0 for course in growing]
     return (
         np.column_stack([*growing, *((np.arange(count) >= step).astype(np.float64) for step in steps)]),
-        np.array([*begins, *steps]),
+        np.array([*onsets, *steps]),
     )
 
 
-def _explained(along: FloatArray, waves: FloatArray, freedom: int) -> FloatArray:
+def _explained(normed: FloatArray, waves: FloatArray, freedom: int) -> FloatArray:
     """Return (m,) what each course explains over what it leaves, a degree of freedom each."""
-    explained = np.sum((along.T @ waves) ** 2, axis=1)
-    whole = np.sum(waves**2)
-    return np.asarray(explained * freedom / np.maximum(whole - explained, 1e-12 * whole), dtype=np.float64)
+    explained = np.sum((normed.T @ waves) ** 2, axis=1)
+    total = np.sum(waves**2)
+    return np.asarray(explained * freedom / np.maximum(total - explained, 1e-12 * total), dtype=np.float64)

@@ -100,8 +100,8 @@ def softened_by_wear(tire: TireWork, name: str, line: TrendLine, along: FloatArr
     history = tire.history
     thickness_mm, wear_mm = 1e3 * history.column("ring_thickness_m")[line.places], history.column("wear_mm")
     # Statements that only the wear rests on shift it: their levels are fitted beside those of the stiffness.
-    more = set(places_of(tire.changes, "wear_mm")) - set(places_of(tire.changes, name))
-    design = np.column_stack([line.design, *level_columns(line.places, sorted(more))])
+    wear_only = set(places_of(tire.changes, "wear_mm")) - set(places_of(tire.changes, name))
+    design = np.column_stack([line.design, *level_columns(line.places, sorted(wear_only))])
     with np.errstate(invalid="ignore"):
         remaining = 1.0 - wear_mm[line.places] / thickness_mm
         used = ~line.search.is_outlier & (remaining > 0.0)
@@ -112,9 +112,9 @@ def softened_by_wear(tire: TireWork, name: str, line: TrendLine, along: FloatArr
     wear_fit = fitted(design, percent, np.ones(len(remaining)), used)
     if wear_fit is None:
         return None
-    whole = np.concatenate([along, np.zeros(design.shape[1] - len(along))])
-    value = float(whole @ wear_fit.coefficients)
-    return (value, math.sqrt(max(float(whole @ wear_fit.covariance @ whole), 0.0))) if value < 0.0 else None
+    padded = np.concatenate([along, np.zeros(design.shape[1] - len(along))])
+    value = float(padded @ wear_fit.coefficients)
+    return (value, math.sqrt(max(float(padded @ wear_fit.covariance @ padded), 0.0))) if value < 0.0 else None
 
 
 def fit_line(
@@ -148,10 +148,10 @@ def fit_line(
     index = np.flatnonzero(usable)
     if len(index) < LEAST_FREEDOM + 2 or not span_of(abscissa[index]) > 0.0:
         return None
-    other, spread = (tire.readings.temperature_degc, _LEAST_SPREAD_K) if warm else (covariate, _LEAST_SPREAD_SPEED)
+    influence, spread = (tire.readings.temperature_degc, _LEAST_SPREAD_K) if warm else (covariate, _LEAST_SPREAD_SPEED)
     columns = [np.ones(len(index)), centred(abscissa[index])]
-    if other is not None and len(index) >= _LEAST_FOR_TEMPERATURE and varies(other[index], spread):
-        columns.append(centred(other[index]))
+    if influence is not None and len(index) >= _LEAST_FOR_TEMPERATURE and varies(influence[index], spread):
+        columns.append(centred(influence[index]))
     has_covariate = len(columns) > 2
     levels = level_columns(index, places_of(tire.changes, name))
     design = np.column_stack([*columns, *levels])
@@ -171,19 +171,19 @@ def fit_line(
         is_level=name in _LEVELS,
     )
     steps, change = shape.steps, shape.change
-    of_all = history.doubts_of(name)
-    doubts = [of_all[row] for row in index]
+    all_doubts = history.doubts_of(name)
+    doubts = [all_doubts[row] for row in index]
 
     def fitted_line(change: LateChange | None) -> TrendLine:
         plain = with_steps(design, steps)
         for columns in columns_of(change, steps, len(index)):
-            whole = np.column_stack([plain, *columns])
-            weights = np.multiply(weights_of(whole, chosen, chosen_stds), weights_by_doubt(doubts))
+            full_design = np.column_stack([plain, *columns])
+            weights = np.multiply(weights_of(full_design, chosen, chosen_stds), weights_by_doubt(doubts))
             if tested:
-                search = find_outliers(whole, chosen, weights, family=tire.family)
+                search = find_outliers(full_design, chosen, weights, family=tire.family)
             else:
-                every = np.ones(len(index), dtype=bool)
-                search = OutlierSearch(~every, fitted(whole, chosen, weights, every))
+                all_used = np.ones(len(index), dtype=bool)
+                search = OutlierSearch(~all_used, fitted(full_design, chosen, weights, all_used))
             if search.fit is not None:
                 break
         doubt = doubt_of([doubts[row] for row in np.flatnonzero(~search.is_outlier)])
@@ -192,7 +192,7 @@ def fit_line(
             index,
             chosen,
             chosen_stds,
-            whole,
+            full_design,
             steps,
             search,
             has_covariate,
@@ -234,13 +234,13 @@ def _levels_of_load(
         if change.begin is None:
             continue
         # What follows the load shows the place of its step more sharply.
-        near = np.flatnonzero(np.abs(index - change.begin) <= change.apart)
-        tried = [np.column_stack([design, *columns, column]) for column in level_columns(index, index[near].tolist())]
-        if tried:
+        close = np.flatnonzero(np.abs(index - change.begin) <= change.apart)
+        designs = [np.column_stack([design, *columns, level]) for level in level_columns(index, index[close].tolist())]
+        if designs:
             squares = [
-                float(np.sum((values - rows @ np.linalg.lstsq(rows, values, rcond=None)[0]) ** 2)) for rows in tried
+                float(np.sum((values - rows @ np.linalg.lstsq(rows, values, rcond=None)[0]) ** 2)) for rows in designs
             ]
-            columns.append(tried[int(np.argmin(squares))][:, -1])
+            columns.append(designs[int(np.argmin(squares))][:, -1])
     return columns
 
 
@@ -251,15 +251,15 @@ def _course_of_pressure(tire: TireWork, name: str, index: IntArray) -> list[Floa
     of a warm tire is in what the temperature does to a stiffness, so only the bends of the cold one count there.
     """
     watch = SERIES[name].watch
-    drawn = next((series for series in tire.series if series.name == PRESSURE), None)
+    pressure_series = next((series for series in tire.series if series.name == PRESSURE), None)
     is_followed = Basis.PRESSURE in watch.follows and watch.trend in (Trend.LINE, Trend.STIFFNESS)
-    if drawn is None or not is_followed or len(index) < _LEAST_FOR_TEMPERATURE:
+    if pressure_series is None or not is_followed or len(index) < _LEAST_FOR_TEMPERATURE:
         return []
     gauge = tire.readings.pressure_pa[index]
     is_measured = bool(np.all(tire.history.column("pressure_measured")[index] > 0.0))
     if watch.trend is Trend.LINE and is_measured and np.isfinite(gauge).all() and gauge.min() > 0.0:
         return [centred(np.log(gauge))] if np.log(gauge).std() > _LEAST_SPREAD_PRESSURE else []
-    course = np.interp(tire.history.months[index], drawn.abscissa, drawn.expected)
+    course = np.interp(tire.history.months[index], pressure_series.abscissa, pressure_series.expected)
     line = np.column_stack([np.ones(len(index)), tire.history.months[index]])
     bend = course - line @ np.linalg.lstsq(line, course, rcond=None)[0]
     if not np.ptp(bend) > SERIES[PRESSURE].watch.notable:
@@ -271,10 +271,10 @@ def _keep_line(tire: TireWork, name: str, line: TrendLine, *, tested: bool) -> N
     """Keep the series of a line as figures show it, and its outliers."""
     history, watch, search, fit = tire.history, SERIES[name].watch, line.search, line.fit
     # Figures show what remains at the mean temperature or speed.
-    moved = line.design[:, 2] * fit.coefficients[2] if line.has_covariate else np.zeros(len(line.values))
+    influence = line.design[:, 2] * fit.coefficients[2] if line.has_covariate else np.zeros(len(line.values))
     if tested:
         tire.tested += len(line.values)
-        outliers = [number for number in np.flatnonzero(search.is_outlier).tolist() if _matters(watch, fit, number)]
+        outliers = [number for number in np.flatnonzero(search.is_outlier).tolist() if _is_reported(watch, fit, number)]
         tire.outliers += [_outlier(history, name, watch.unit, line, fit, number) for number in outliers]
     tire.series.append(
         TrendSeries(
@@ -282,16 +282,16 @@ def _keep_line(tire: TireWork, name: str, line: TrendLine, *, tested: bool) -> N
             unit=watch.unit,
             against="km" if name == "wear_mm" else "months",
             abscissa=(history.km if name == "wear_mm" else history.months)[line.places],
-            values=line.values - moved,
+            values=line.values - influence,
             stds=line.stds,
-            expected=fit.expected - moved,
+            expected=fit.expected - influence,
             is_outlier=search.is_outlier if tested else np.zeros(len(line.values), dtype=bool),
             steps=tuple(sorted({*line.steps, *([line.change.begin] if line.change is not None else [])})),
         )
     )
 
 
-def _matters(watch: Watch, fit: Fit, number: int) -> bool:
+def _is_reported(watch: Watch, fit: Fit, number: int) -> bool:
     """Return whether an outlier is reported: a sensor's only to the worse, and by what is worth a finding."""
     residual = float(fit.residuals[number])
     return watch.trend is not Trend.SENSOR or (
@@ -311,28 +311,28 @@ def _findings_of_line(tire: TireWork, name: str, line: TrendLine) -> Iterator[Fi
         if end in line.steps:
             continue
         scale = fit.scale / np.sqrt(fit.weights[begin:end])
-        least = float(np.abs(fit.residuals[begin:end] / scale).min()) if fit.scale > 0.0 else math.inf
-        passed = Reason(FleetCode.TREND_PASSED, name=name, deviations=least, **part_of_line(history, line, begin, end))
-        yield Finding(passed, name, relative_change(name, line, begin, size_of_run(line, begin, end)))
-    yield from _of_load(history, name, line)
-    yield from _of_pressure(tire, name, line)
+        lowest = float(np.abs(fit.residuals[begin:end] / scale).min()) if fit.scale > 0.0 else math.inf
+        reason = Reason(FleetCode.TREND_PASSED, name=name, deviations=lowest, **part_of_line(history, line, begin, end))
+        yield Finding(reason, name, relative_change(name, line, begin, size_of_run(line, begin, end)))
+    yield from _load_findings(history, name, line)
+    yield from _pressure_findings(tire, name, line)
     for number, begin in enumerate(line.steps):
         size, std = size_of_step(line, number)
         if watch.falls_with_wear:
-            along = np.zeros(line.design.shape[1])
-            along[column_of_step(line, number)] = 1.0
-            worn = softened_by_wear(tire, name, line, along)
-            size, std = (size, std) if worn is None else (size - worn[0], math.hypot(std, worn[1]))
+            contrast = np.zeros(line.design.shape[1])
+            contrast[column_of_step(line, number)] = 1.0
+            softening = softened_by_wear(tire, name, line, contrast)
+            size, std = (size, std) if softening is None else (size - softening[0], math.hypot(std, softening[1]))
         is_certain = abs(size) > finding_quantile(line) * std
         if abs(size) >= watch.notable and is_certain and size * (watch.worse or size) > 0.0:
-            end = min([after for after in line.steps if after > begin], default=len(line.values))
+            end = min([step for step in line.steps if step > begin], default=len(line.values))
             changed = reason_of_change(watch.level, history, name, line, (size, std), begin, end)
             yield Finding(changed, name, relative_change(name, line, begin, (size, std)))
     if line.change is not None and (newest := _newest_change(tire, name, line, line.change)) is not None:
         yield newest
 
 
-def _of_load(history: TireHistory, name: str, line: TrendLine) -> Iterator[Finding]:
+def _load_findings(history: TireHistory, name: str, line: TrendLine) -> Iterator[Finding]:
     """Yield what steps of the load make of a series: named with it, unless it is more than follows; wear is none."""
     watch = SERIES[name].watch
     for column in range(line.of_load.start, line.of_load.stop if name != "wear_mm" else 0):
@@ -343,16 +343,16 @@ def _of_load(history: TireHistory, name: str, line: TrendLine) -> Iterator[Findi
             yield Finding(changed, name, relative_change(name, line, begin, (size, std)))
 
 
-def _of_pressure(tire: TireWork, name: str, line: TrendLine) -> Iterator[Finding]:
+def _pressure_findings(tire: TireWork, name: str, line: TrendLine) -> Iterator[Finding]:
     """Yield what changes of the pressure make of a series: named with them, unless it is more than follows."""
     watch = SERIES[name].watch
     for change in tire.onsets.get(PRESSURE, ()) if line.of_pressure is not None else ():
         begin = int(np.searchsorted(line.places, change.begin)) if change.begin is not None else 0
         if not 0 < begin < len(line.places) or change.log_ratio is None:
             continue
-        along = np.zeros(line.design.shape[1])
-        along[line.of_pressure] = change.log_ratio
-        size, std = combination(line, along)
+        contrast = np.zeros(line.design.shape[1])
+        contrast[line.of_pressure] = change.log_ratio
+        size, std = combination(line, contrast)
         if abs(size) >= watch.notable and abs(size) > finding_quantile(line) * std:
             changed = reason_of_change(watch.level, tire.history, name, line, (size, std), begin, len(line.values))
             yield Finding(changed, name, relative_change(name, line, begin, (size, std)))
@@ -369,8 +369,8 @@ def _newest_change(tire: TireWork, name: str, line: TrendLine, change: LateChang
         return None
     if watch.worse and watch.trend is Trend.SENSOR:
         # A sensor that was better for a while is not worse than before.
-        apart = line.design[:, 2] * line.fit.coefficients[2] if line.has_covariate else 0.0
-        levels = watch.worse * (line.fit.expected - apart)
+        influence = line.design[:, 2] * line.fit.coefficients[2] if line.has_covariate else 0.0
+        levels = watch.worse * (line.fit.expected - influence)
         if levels[-1] - levels[: change.begin].max() < watch.notable:
             return None
     if change.is_slope and name in ("wear_mm", PRESSURE):

@@ -49,15 +49,15 @@ def add_wear(tire: TireWork) -> None:
     """Add rate and present value of the wear, and the finding of a wear that is too new for a rate."""
     history = tire.history
     wear = history.column("wear_mm")
-    why = reason_missing(history, "wear_mm", wear)
+    reason = reason_missing(history, "wear_mm", wear)
     if math.isfinite(history.km[0]) and not span_of(history.km) > 0.0 and np.isfinite(wear).any():
-        why = Reason(FleetCode.TREND_DISTANCE_CONSTANT)
+        reason = Reason(FleetCode.TREND_DISTANCE_CONSTANT)
     line = fit_line(tire, "wear_mm", wear, history.column("wear_mm_std"), warm=True)
     recorded = Reason(FleetCode.TREND_RECORDED_DISTANCE, distance_m=1e3 * span_of(history.km))
     basis = () if history.has_odometer else (recorded,)
     if line is None:
-        tire.numbers.append(TrendNumber(Quantity.WEAR_RATE, unit="mm/1000 km", reasons=(why,)))
-        tire.numbers.append(TrendNumber(Quantity.WEAR_NOW, unit="mm", reasons=(why,)))
+        tire.numbers.append(TrendNumber(Quantity.WEAR_RATE, unit="mm/1000 km", reasons=(reason,)))
+        tire.numbers.append(TrendNumber(Quantity.WEAR_NOW, unit="mm", reasons=(reason,)))
         return
     status = Status.VALID if history.has_odometer else Status.PROVISIONAL
     rate = rate_number(
@@ -90,8 +90,8 @@ def add_load(tire: TireWork) -> None:
     slope, std = combination(line, slope_after(line))
     if line.doubt is None and abs(slope) > std:
         # What follows the load drifts with it, also where that is no finding.
-        whole = slope * span_of(line.months), std * span_of(line.months)
-        tire.onsets["estimated_load_n"].append(relative_change("estimated_load_n", line, None, whole))
+        total_change = slope * span_of(line.months), std * span_of(line.months)
+        tire.onsets["estimated_load_n"].append(relative_change("estimated_load_n", line, None, total_change))
 
 
 def add_rate(tire: TireWork, series: Series) -> None:
@@ -101,8 +101,8 @@ def add_rate(tire: TireWork, series: Series) -> None:
     line = fit_line(tire, series.name, values, stds)
     unit = f"{watch.unit}/month"
     if line is None:
-        why = reason_missing(history, series.name, values)
-        tire.numbers.append(TrendNumber(rate_of(watch), unit=unit, reasons=(why,)))
+        reason = reason_missing(history, series.name, values)
+        tire.numbers.append(TrendNumber(rate_of(watch), unit=unit, reasons=(reason,)))
     else:
         tire.numbers.append(rate_number(rate_of(watch), unit, line))
 
@@ -110,8 +110,8 @@ def add_rate(tire: TireWork, series: Series) -> None:
 def _measured_load(line: TrendLine) -> Iterator[TrendNumber]:
     fit, used = line.fit, ~line.search.is_outlier
     values, steps = line.values[used], notes_of_steps(line)
-    count, shared = int(values.size), shared_std(line.stds)
-    std = math.hypot(shared, float(np.std(values, ddof=1)) / math.sqrt(count))
+    count, shared_error = int(values.size), shared_std(line.stds)
+    std = math.hypot(shared_error, float(np.std(values, ddof=1)) / math.sqrt(count))
     mean = float(values.mean())
     load = TrendNumber(
         Quantity.LOAD, mean, std, "N", Status.VALID, (), count, fit.freedom, mean - 2.0 * std, mean + 2.0 * std
@@ -127,19 +127,19 @@ def _measured_load(line: TrendLine) -> Iterator[TrendNumber]:
     yield with_doubts(spread, line)
 
 
-def _stated_load(history: TireHistory, why: Reason) -> Iterator[TrendNumber]:
+def _stated_load(history: TireHistory, reason: Reason) -> Iterator[TrendNumber]:
     """Yield the stated load where none is measured."""
-    stated = history.column("load_n")
-    is_stated = np.isfinite(stated)
-    reasons = (Reason(FleetCode.TREND_LOAD_STATED), why)
+    loads_n = history.column("load_n")
+    is_stated = np.isfinite(loads_n)
+    reasons = (Reason(FleetCode.TREND_LOAD_STATED), reason)
     if is_stated.any():
         std = shared_std(history.column("load_std_n")[is_stated]) or math.nan
-        value, count = float(np.mean(stated[is_stated])), int(is_stated.sum())
+        value, count = float(np.mean(loads_n[is_stated])), int(is_stated.sum())
         yield TrendNumber(Quantity.LOAD, value, std, "N", Status.PROVISIONAL, reasons, count)
     else:
-        yield TrendNumber(Quantity.LOAD, unit="N", reasons=(why,))
-    yield TrendNumber(Quantity.LOAD_RATE, unit="N/month", reasons=(why,))
-    yield TrendNumber(Quantity.LOAD_SCATTER, unit="N", reasons=(why,))
+        yield TrendNumber(Quantity.LOAD, unit="N", reasons=(reason,))
+    yield TrendNumber(Quantity.LOAD_RATE, unit="N/month", reasons=(reason,))
+    yield TrendNumber(Quantity.LOAD_SCATTER, unit="N", reasons=(reason,))
 
 
 def add_stiffness(tire: TireWork, series: Series) -> None:
@@ -151,12 +151,12 @@ def add_stiffness(tire: TireWork, series: Series) -> None:
         percent = 100.0 * np.log(values * factor)
         stds = 100.0 * history.column(f"{name}_std") / values
     quantity, temperature = rate_of(watch), by_temperature(watch)
-    middle = np.nanmedian(percent) if np.isfinite(percent).any() else 0.0
-    line = fit_line(tire, name, percent - middle, stds, warm=True)
-    why = reason_missing(history, name, percent)
+    median = np.nanmedian(percent) if np.isfinite(percent).any() else 0.0
+    line = fit_line(tire, name, percent - median, stds, warm=True)
+    reason = reason_missing(history, name, percent)
     if line is None:
-        tire.numbers.append(TrendNumber(quantity, unit="%/month", reasons=(why,)))
-        tire.numbers.append(TrendNumber(temperature, unit="%/K", reasons=(why,)))
+        tire.numbers.append(TrendNumber(quantity, unit="%/month", reasons=(reason,)))
+        tire.numbers.append(TrendNumber(temperature, unit="%/K", reasons=(reason,)))
         return
     rate = rate_number(quantity, "%/month", line)
     if rate.status is not Status.INVALID and (stuck := stuck_temperature(tire, line)) is not None:
@@ -168,8 +168,8 @@ def add_stiffness(tire: TireWork, series: Series) -> None:
         and (worn := softened_by_wear(tire, name, line, slope_after(line))) is not None
     ):
         slope, slope_std = worn
-        share = Reason(FleetCode.TREND_WEAR_SOFTENS, share=slope / 100.0, std=slope_std / 100.0)
-        rate = replace(rate, reasons=(*rate.reasons, share))
+        softening = Reason(FleetCode.TREND_WEAR_SOFTENS, share=slope / 100.0, std=slope_std / 100.0)
+        rate = replace(rate, reasons=(*rate.reasons, softening))
         drift = replace(rate, value=rate.value - slope, std=math.hypot(rate.std, slope_std))
     tire.numbers.append(rate)
     if line.has_covariate:
@@ -188,5 +188,5 @@ def add_stiffness(tire: TireWork, series: Series) -> None:
             FleetCode.TREND_STIFFNESS_DRIFTS, name=name, share=drift.value / 100.0, std=drift.std / 100.0,
             span_s=1e-9 * MONTH_NS * span_of(line.months),
         )  # fmt: skip
-        whole = drift.value * span_of(history.months), drift.std * span_of(history.months)
-        tire.findings.append(Finding(drifts, name, relative_change(name, line, None, whole)))
+        total_change = drift.value * span_of(history.months), drift.std * span_of(history.months)
+        tire.findings.append(Finding(drifts, name, relative_change(name, line, None, total_change)))

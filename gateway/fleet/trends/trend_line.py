@@ -22,17 +22,17 @@ _LEAST_OWN_LINE: Final = 5
 # Recordings in a row that deviate to the same side are no single errors.
 _LEAST_RUN: Final = 2
 # Recordings on each side of the place of a change at which it may have begun.
-_TRIED: Final = 20
+_SEARCH_RADIUS: Final = 20
 # Errors of a place that hold another one; and recordings by which scatter moves every place.
 _PLACE_ERRORS: Final = 2.0
-_TOGETHER: Final = 2
+_PLACE_SCATTER: Final = 2
 _FINDING_SHARE: Final = 0.999
 # Time within which recordings are alike, pairs of them that show how much, errors of chance, and recordings beyond
 # which the order of them is enough.
-_ALIKE_MONTHS: Final = 0.1
+_CORRELATED_MONTHS: Final = 0.1
 _LEAST_PAIRS: Final = 10
 _CHANCE: Final = 2.0
-_MOST_ALIKE: Final = 300
+_MOST_PAIRED: Final = 300
 
 
 class TrendLine(NamedTuple):
@@ -88,10 +88,10 @@ def inflation(line: TrendLine) -> float:
 
 def from_first_to_last(line: TrendLine) -> FloatArray:
     """Return the coefficients (p,) of the change over all recordings, at one value of the covariate."""
-    along = line.design[-1] - line.design[0]
+    contrast = line.design[-1] - line.design[0]
     if line.has_covariate:
-        along[2] = 0.0
-    return np.asarray(along)
+        contrast[2] = 0.0
+    return np.asarray(contrast)
 
 
 def columns_of(change: LateChange | None, steps: Sequence[int], count: int) -> list[list[FloatArray]]:
@@ -118,8 +118,8 @@ def runs_of_outliers(search: OutlierSearch) -> list[tuple[int, int]]:
     """Return begin and end of each run of outliers to one side."""
     assert search.fit is not None
     sides = search.is_outlier & (search.fit.residuals > 0.0), search.is_outlier & (search.fit.residuals < 0.0)
-    both = [*runs(sides[0]), *runs(sides[1])]
-    return sorted((begin, end) for begin, end in both if end - begin >= _LEAST_RUN)
+    outlier_runs = [*runs(sides[0]), *runs(sides[1])]
+    return sorted((begin, end) for begin, end in outlier_runs if end - begin >= _LEAST_RUN)
 
 
 def size_of_change(line: TrendLine) -> tuple[float, float]:
@@ -136,9 +136,9 @@ def column_of_step(line: TrendLine, number: int) -> int:
 
 def size_of_step(line: TrendLine, number: int) -> tuple[float, float]:
     """Return the change of level at a step, and its error."""
-    along = np.zeros(line.design.shape[1])
-    along[column_of_step(line, number)] = 1.0
-    return combination(line, along)
+    contrast = np.zeros(line.design.shape[1])
+    contrast[column_of_step(line, number)] = 1.0
+    return combination(line, contrast)
 
 
 def begins_of(line: TrendLine, begin: int) -> tuple[IntArray, FloatArray]:
@@ -156,18 +156,18 @@ def begins_of(line: TrendLine, begin: int) -> tuple[IntArray, FloatArray]:
     used = ~line.search.is_outlier
     root = np.sqrt(line.fit.weights[used])[:, None]
     basis = np.linalg.qr(np.delete(line.design, list(columns), axis=1)[used] * root)[0]
-    wanted = line.values[used] * root[:, 0]
-    wanted = wanted - basis @ (basis.T @ wanted)
+    targets = line.values[used] * root[:, 0]
+    targets = targets - basis @ (basis.T @ targets)
     index, time = np.arange(len(line.values)), line.design[:, 1]
-    places = np.arange(max(begin - _TRIED, 1), min(begin + _TRIED + 1, len(index)))
+    places = np.arange(max(begin - _SEARCH_RADIUS, 1), min(begin + _SEARCH_RADIUS + 1, len(index)))
     gains = np.zeros(len(places))
     for number, place in enumerate(places.tolist()):
-        tried = [np.maximum(time - time[place - 1], 0.0)] if is_slope else []
+        change_columns = [np.maximum(time - time[place - 1], 0.0)] if is_slope else []
         if not is_slope or line.has_own_line:
-            tried.append((index >= place).astype(np.float64))
-        across = np.column_stack(tried)[used] * root
-        across -= basis @ (basis.T @ across)
-        fitted = across @ np.linalg.lstsq(across, wanted, rcond=None)[0]
+            change_columns.append((index >= place).astype(np.float64))
+        orthogonal = np.column_stack(change_columns)[used] * root
+        orthogonal -= basis @ (basis.T @ orthogonal)
+        fitted = orthogonal @ np.linalg.lstsq(orthogonal, targets, rcond=None)[0]
         gains[number] = float(fitted @ fitted)
     residuals = line.fit.residuals[used] * root[:, 0]
     variance = line.fit.scale**2 * correlation_factor(residuals, line.fit.coefficients.size)
@@ -211,18 +211,18 @@ def relative_change(name: str, line: TrendLine, begin: int | None, size: tuple[f
     """Return a change of a series by its size and error, in the unit of the series; None for `begin` is a drift."""
     fit, watch = line.fit, SERIES[name].watch
     if begin is None:
-        begun_at, apart = None, 0
+        onset, place_scatter = None, 0
     else:
-        tried, weights = begins_of(line, begin)
-        spread = math.sqrt(float(weights @ (tried - begin) ** 2))
-        begun_at, apart = int(line.places[begin]), max(_TOGETHER, math.ceil(_PLACE_ERRORS * spread))
+        places, weights = begins_of(line, begin)
+        spread = math.sqrt(float(weights @ (places - begin) ** 2))
+        onset, place_scatter = int(line.places[begin]), max(_PLACE_SCATTER, math.ceil(_PLACE_ERRORS * spread))
     if watch.is_logarithm:
-        return Change(begun_at, 0.01 * size[0], 0.01 * size[1], apart=apart)
+        return Change(onset, 0.01 * size[0], 0.01 * size[1], apart=place_scatter)
     before = float(fit.expected[max((begin or 0) - 1, 0)])
     after = before + size[0]
     if before <= 0.0 or after <= 0.0:
-        return Change(begun_at, apart=apart)
-    return Change(begun_at, math.log(after / before), size[1] / after, apart=apart)
+        return Change(onset, apart=place_scatter)
+    return Change(onset, math.log(after / before), size[1] / after, apart=place_scatter)
 
 
 def combination(line: TrendLine, along: FloatArray) -> tuple[float, float]:
@@ -238,16 +238,16 @@ def combination(line: TrendLine, along: FloatArray) -> tuple[float, float]:
     if line.change is not None:
         variance = max(variance, fit.scale**2 * float(along @ inverse @ along))
     residuals = fit.residuals[used] * np.sqrt(fit.weights[used])
-    apart = (
-        np.abs(line.months[used][:, None] - line.months[used][None, :]) if used.sum() <= _MOST_ALIKE else np.zeros(0)
+    gaps_months = (
+        np.abs(line.months[used][:, None] - line.months[used][None, :]) if used.sum() <= _MOST_PAIRED else np.zeros(0)
     )
-    near = np.triu(apart < _ALIKE_MONTHS, 1) if apart.size else np.zeros((0, 0), dtype=bool)
-    if near.sum() >= _LEAST_PAIRS and fit.scale > 0.0:
-        alike = np.exp(-apart / _ALIKE_MONTHS)
-        share = float(np.mean(np.outer(residuals, residuals)[near])) / fit.scale**2 / float(np.mean(alike[near]))
-        if share > _CHANCE / math.sqrt(float(near.sum())):
-            whole = rows.T @ (np.eye(len(rows)) + min(share, 1.0) * (alike - np.eye(len(rows)))) @ rows
-            variance = max(variance, fit.scale**2 * float(along @ inverse @ whole @ inverse @ along))
+    is_near = np.triu(gaps_months < _CORRELATED_MONTHS, 1) if gaps_months.size else np.zeros((0, 0), dtype=bool)
+    if is_near.sum() >= _LEAST_PAIRS and fit.scale > 0.0:
+        decay = np.exp(-gaps_months / _CORRELATED_MONTHS)
+        share = float(np.mean(np.outer(residuals, residuals)[is_near])) / fit.scale**2 / float(np.mean(decay[is_near]))
+        if share > _CHANCE / math.sqrt(float(is_near.sum())):
+            moments = rows.T @ (np.eye(len(rows)) + min(share, 1.0) * (decay - np.eye(len(rows)))) @ rows
+            variance = max(variance, fit.scale**2 * float(along @ inverse @ moments @ inverse @ along))
     return float(along @ fit.coefficients), math.sqrt(max(variance, 0.0))
 
 
@@ -266,24 +266,24 @@ def part_of_line(history: TireHistory, line: TrendLine, begin: int, end: int) ->
 
 def slope_before(line: TrendLine) -> FloatArray:
     """Return the coefficients (p,) of the slope before a change."""
-    along = np.zeros(line.design.shape[1])
-    along[1] = 1.0
-    return along
+    contrast = np.zeros(line.design.shape[1])
+    contrast[1] = 1.0
+    return contrast
 
 
 def slope_after(line: TrendLine) -> FloatArray:
     """Return the coefficients (p,) of the newest slope."""
-    along = slope_before(line)
+    contrast = slope_before(line)
     if line.change is not None and line.change.is_slope:
-        along[line.change_at] = 1.0
-    return along
+        contrast[line.change_at] = 1.0
+    return contrast
 
 
 def size_of_change_at(line: TrendLine) -> FloatArray:
     """Return the coefficients (p,) of the distance of the newest value from the trend before the change."""
-    along = np.zeros(line.design.shape[1])
-    along[line.change_at :] = line.design[-1, line.change_at :]
-    return along
+    contrast = np.zeros(line.design.shape[1])
+    contrast[line.change_at :] = line.design[-1, line.change_at :]
+    return contrast
 
 
 def date_of(time_ns: int) -> str:
@@ -293,11 +293,11 @@ def date_of(time_ns: int) -> str:
 
 def level_columns(index: IntArray, places: Sequence[int]) -> list[FloatArray]:
     """Return a column for each change that some recordings come before and some after, 0 before and 1 after."""
-    columns = [(index >= begin).astype(np.float64) for begin in places]
+    columns = [(index >= place).astype(np.float64) for place in places]
     return [
         column
         for number, column in enumerate(columns)
-        if 0.0 < column.sum() < len(index) and not any((column == other).all() for other in columns[:number])
+        if 0.0 < column.sum() < len(index) and not any((column == earlier).all() for earlier in columns[:number])
     ]
 
 

@@ -66,14 +66,14 @@ def finding_rows(tires: Sequence[TireTrend]) -> list[FindingRow]:
     """Return each finding, the most urgent first; of those with one key the last, with how many more there are."""
     rows = []
     for tire in tires:
-        alike: dict[str, list[Reason]] = {}
+        by_key: dict[str, list[Reason]] = {}
         for finding in tire.findings:
-            alike.setdefault(finding_key(tire, finding), []).append(finding)
-        for key, findings in alike.items():
-            last, more = findings[-1], f" (and {len(findings) - 1} more)" if len(findings) > 1 else ""
+            by_key.setdefault(finding_key(tire, finding), []).append(finding)
+        for key, findings in by_key.items():
+            last, suffix = findings[-1], f" (and {len(findings) - 1} more)" if len(findings) > 1 else ""
             values, step = dict(last.values), _STEP_OF.get(last.code, "")
-            said = f"{clean(text(last))}{more}"
-            rows.append(FindingRow(tire_name(tire), said, _since(tire, values), _sure(last, values), step, key))
+            sentence = f"{clean(text(last))}{suffix}"
+            rows.append(FindingRow(tire_name(tire), sentence, _since(tire, values), _sure(last, values), step, key))
     urgency = list(_STEPS)
     return sorted(rows, key=lambda row: urgency.index(row.step) if row.step else len(urgency))
 

@@ -111,8 +111,8 @@ def tire_figure(trend: TireTrend) -> Figure | None:
 
 def _chosen(series: Sequence[TrendSeries]) -> list[TrendSeries]:
     """Return the series that are drawn, and the contact length where the load is not measured."""
-    instead = () if any(line.name == "estimated_load_n" for line in series) else ("contact_length_m",)
-    return [line for line in series if SERIES[line.name].watch.is_drawn or line.name in instead]
+    substitutes = () if any(line.name == "estimated_load_n" for line in series) else ("contact_length_m",)
+    return [line for line in series if SERIES[line.name].watch.is_drawn or line.name in substitutes]
 
 
 def _as_shown(series: TrendSeries) -> TrendSeries:
@@ -237,10 +237,10 @@ def _answer(trends: FleetTrends, findings: Sequence[FindingRow]) -> list[str]:
     """Return the summary, sentence by sentence: the most urgent finding first."""
     notable = list(dict.fromkeys(row.tire for row in findings))
     recordings = len({outlier.path for outlier in trends.outliers})
-    have = "has a finding" if len(notable) == 1 else "have findings"
+    verb = "has a finding" if len(notable) == 1 else "have findings"
     return [
         f"{findings[0].tire}: {findings[0].said}. "
-        f"{len(notable)} of {counted(len(trends.tires), 'tire')} {have}: {tires_text(notable, len(trends.tires))}."
+        f"{len(notable)} of {counted(len(trends.tires), 'tire')} {verb}: {tires_text(notable, len(trends.tires))}."
         if notable
         else "No tire has a finding: nothing to act on.",
         f"{recordings} of {counted(trends.recordings, 'recording')} do not fit the trend of their tire."
@@ -257,18 +257,18 @@ def _table(tires: Sequence[TireTrend], key: str, title: str, quantities: Sequenc
         cells = []
         for quantity in quantities:
             number = number_of(tire.numbers, quantity)
-            why = clean(joined(number.reasons))
-            cells.append(Cell(shown(number), why, number.status is not Status.VALID))
-            if why:
+            note = clean(joined(number.reasons))
+            cells.append(Cell(shown(number), note, number.status is not Status.VALID))
+            if note:
                 is_missing = number.status is Status.INVALID
-                reasons.setdefault((is_missing, LABELS[quantity], why), []).append(tire_name(tire))
+                reasons.setdefault((is_missing, LABELS[quantity], note), []).append(tire_name(tire))
         rows.append((tire_name(tire), cells))
     labels: dict[tuple[bool, str, str], list[str]] = {}
-    for (is_missing, label, why), names in reasons.items():
-        labels.setdefault((is_missing, tires_text(names, len(tires)), why), []).append(label)
+    for (is_missing, label, note), names in reasons.items():
+        labels.setdefault((is_missing, tires_text(names, len(tires)), note), []).append(label)
     missing, notes = (
-        [(names, ", ".join(of), why) for (is_missing, names, why), of in labels.items() if is_missing is without_value]
-        for without_value in (True, False)
+        [(names, ", ".join(terms), note) for (is_missing, names, note), terms in labels.items() if is_missing is state]
+        for state in (True, False)
     )
     more = sum(max(len(lines) - _MOST_NOTES, 0) for lines in (missing, notes))
     heads = [(LABELS[quantity], units[quantity]) for quantity in quantities]

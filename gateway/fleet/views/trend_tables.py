@@ -44,9 +44,9 @@ LABELS: Final[dict[str, str]] = {
     Quantity.LOAD_SCATTER: "scatter of the load",
     **{rate_of(quantity.watch): f"change of the {quantity.label}" for quantity in followed_by(Trend.LINE)},
     **{
-        name(quantity.watch): f"{quantity.label} with {what}"
+        name(quantity.watch): f"{quantity.label} with {variable}"
         for quantity in followed_by(Trend.STIFFNESS)
-        for name, what in ((rate_of, "age"), (by_temperature, "temperature"))
+        for name, variable in ((rate_of, "age"), (by_temperature, "temperature"))
     },
     **{rate_of(quantity.watch): quantity.label.removeprefix("ln ") for quantity in followed_by(Trend.SENSOR)},
     **{
@@ -188,8 +188,8 @@ def plain_number(value: float, unit: str) -> str:
     """Return a value with six significant digits at most, in the unit that is shown."""
     if not math.isfinite(value):
         return MISSING
-    shown = shown_unit(unit)
-    value, unit = shown.of(value), shown.symbol
+    display_unit = shown_unit(unit)
+    value, unit = display_unit.of(value), display_unit.symbol
     size = abs(value)
     decimals = 0 if size >= 1000 else 1 if size >= 100 else 2 if size >= 1 else 4
     return f"{fixed(value, decimals)} {unit}".rstrip()

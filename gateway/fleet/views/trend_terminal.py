@@ -37,8 +37,8 @@ def trend_lines(trends: FleetTrends, columns: int) -> list[str]:
 def _lines(trends: FleetTrends, columns: int) -> Iterator[str]:
     first = min(trend.first_ns for trend in trends.tires)
     last = max(trend.last_ns for trend in trends.tires)
-    tires, read = counted(len(trends.tires), "tire"), counted(trends.recordings, "recording")
-    yield f"{tires} of {vehicles_of(trends)}, {read}, {day(first)} to {day(last)} (UTC)"
+    tires, recordings = counted(len(trends.tires), "tire"), counted(trends.recordings, "recording")
+    yield f"{tires} of {vehicles_of(trends)}, {recordings}, {day(first)} to {day(last)} (UTC)"
     yield from (clean(text(note)) for note in trends.notes)
     findings = finding_rows(trends.tires)
     yield ""
@@ -71,8 +71,8 @@ def _outlier_lines(trends: FleetTrends) -> Iterator[str]:
     yield f"outliers: {len(recordings)} of {trends.recordings} recordings" if recordings else "no outlier"
     for name, path in list(recordings)[:_LISTED]:
         mine = [outlier for outlier in trends.outliers if outlier.path == path]
-        what = "; ".join(f"{label_of(outlier.name)} {outlier.deviation:+.1f}" for outlier in mine)
-        yield f"  {clean(name)}: {what} standard deviations from its trend"
+        deviations = "; ".join(f"{label_of(outlier.name)} {outlier.deviation:+.1f}" for outlier in mine)
+        yield f"  {clean(name)}: {deviations} standard deviations from its trend"
     if len(recordings) > _LISTED:
         yield f"  ... and {len(recordings) - _LISTED} more"
 
@@ -84,14 +84,14 @@ def _mark_lines(tires: Sequence[TireTrend]) -> Iterator[str]:
         for quantity in _SHORT:
             number = number_of(trend.numbers, quantity)
             if number.status is not Status.VALID and number.reasons:
-                why = clean(text(number.reasons[0]))
+                reason = clean(text(number.reasons[0]))
                 mark = STATUS_MARKS[number.status] if number.status is Status.PROVISIONAL else MISSING
-                reasons.setdefault((mark, LABELS[quantity], why), []).append(tire_name(trend))
+                reasons.setdefault((mark, LABELS[quantity], reason), []).append(tire_name(trend))
     if reasons:
         yield ""
         yield f"marked {STATUS_MARKS[Status.PROVISIONAL]}, or {MISSING} for not determined:"
-    for (mark, label, why), names in list(reasons.items())[:_LISTED]:
-        yield f"  {mark} {tires_text(names, len(tires))}, {label}: {why}"
+    for (mark, label, reason), names in list(reasons.items())[:_LISTED]:
+        yield f"  {mark} {tires_text(names, len(tires))}, {label}: {reason}"
     if len(reasons) > _LISTED:
         yield f"  ... and {len(reasons) - _LISTED} more reasons: --json or --csv"
 

@@ -67,7 +67,7 @@ def load(
         recordings,
         config=config_path,
         wheels=positions,
-        on_left_out=lambda why: click.echo(f"left out: {why}", err=True),
+        on_left_out=lambda reason: click.echo(f"left out: {reason}", err=True),
     )
     _write(fit_lines(result.points, result.fit, result.reference), result.toml, out_path, force=force)
 
@@ -146,13 +146,13 @@ def side_force(runs_path: Path, config_path: Path | None, out_path: Path | None,
 
 def _write(lines: Iterable[str], text: str, out_path: Path | None, *, force: bool) -> None:
     """Print the lines of the fit, and print its tables or write them to a file."""
-    say = SummaryOutput([out_path])
+    output = SummaryOutput([out_path])
     for line in lines:
-        say(line)
+        output(line)
     if out_path is None:
         for line in ("", *text.splitlines()):
-            say(line)
+            output(line)
     else:
         write_whole(out_path, text, force=force)
-        say.written(out_path, " (copy its tables to the vehicle configuration, replacing those of the same name)")
-    say.finish()
+        output.written(out_path, " (copy its tables to the vehicle configuration, replacing those of the same name)")
+    output.finish()

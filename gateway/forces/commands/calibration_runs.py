@@ -60,18 +60,18 @@ def read_runs(
                     "Give one that states the belt radius: --config VEHICLE.toml.",
                 )
             rigs |= dict.fromkeys(indices, open_rig_channels(reader))
-            seen: dict[str, int] = {}
+            revolution_counts: dict[str, int] = {}
             first_ns: dict[str, int] = {}
             for result in RecordingPass(recording, estimators, is_watched=False):
                 position = result.position
-                seen[position] = seen.get(position, 0) + 1
+                revolution_counts[position] = revolution_counts.get(position, 0) + 1
                 since_s = 1e-9 * (result.host_ns - first_ns.setdefault(position, result.host_ns))
-                for index in indices if seen[position] > skipped_revolutions else ():
+                for index in indices if revolution_counts[position] > skipped_revolutions else ():
                     run = runs[index]
                     if wheels[index] in (None, position) and run.from_s <= since_s <= (run.to_s or math.inf):
                         take(index, result)
             for index in indices:
-                _check_wheel(file, wheels[index], sorted(seen))
+                _check_wheel(file, wheels[index], sorted(revolution_counts))
     return [rigs[index] for index in range(len(runs))]
 
 
@@ -94,16 +94,16 @@ def rig_mean(
     return channel.mean()
 
 
-def _check_wheel(file: Path, wanted: str | None, seen: Sequence[str]) -> None:
-    if wanted is None and len(seen) > 1:
+def _check_wheel(file: Path, wheel: str | None, positions: Sequence[str]) -> None:
+    if wheel is None and len(positions) > 1:
         raise CalibrationError(
-            f"'{file}' contains {len(seen)} wheels: {', '.join(seen)}",
-            f'Name one in the runs file, above the runs: wheel = "{seen[0]}".',
+            f"'{file}' contains {len(positions)} wheels: {', '.join(positions)}",
+            f'Name one in the runs file, above the runs: wheel = "{positions[0]}".',
         )
-    if wanted is not None and wanted not in seen:
+    if wheel is not None and wheel not in positions:
         raise CalibrationError(
-            f"'{file}' has no revolution of wheel {wanted}",
-            f"Wheels with revolutions: {', '.join(seen) or 'none'}.",
+            f"'{file}' has no revolution of wheel {wheel}",
+            f"Wheels with revolutions: {', '.join(positions) or 'none'}.",
         )
 
 

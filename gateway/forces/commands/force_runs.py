@@ -21,7 +21,7 @@ from gateway.forces.side_force_calibration import LinearLaw, SideForceCalibratio
 from gateway.forces.tire_tables import SideForceCalibrationTable
 
 # Revolutions between two values of the running mean that are taken: beyond twice its memory they are independent.
-_APART: Final = round(2.0 * HORIZON_REVOLUTIONS)
+_STRIDE: Final = round(2.0 * HORIZON_REVOLUTIONS)
 MIN_REVOLUTIONS: Final = 20
 # Largest relative error of a calibrated factor; beyond it the runs determine nothing.
 _LARGEST_ERROR: Final = 1.0 / 3.0
@@ -74,8 +74,8 @@ class ForceRun:
         if self.table.side_force_n is not None:
             self.force_n = self.table.side_force_n
             return
-        turns = [(start, period) for _, start, period in self.turns]
-        mean = rig_mean(self.name, rig, self.turns[0][0], "side_force", turns)
+        intervals_s = [(start, period) for _, start, period in self.turns]
+        mean = rig_mean(self.name, rig, self.turns[0][0], "side_force", intervals_s)
         self.force_n, self.force_std_n = mean.value, math.hypot(mean.std, stated_std_n)
 
     @property
@@ -96,11 +96,11 @@ def measured_force_runs(path: Path, runs: ForceRunsFile, fallback: Path | None) 
         TreadlinkError: a recording cannot be read or has no vehicle configuration.
         CalibrationError: a run cannot be used; every run counts, so none is left out silently.
     """
-    taken = [ForceRun(run_name(run), run) for run in runs.run]
+    measured = [ForceRun(run_name(run), run) for run in runs.run]
     wheels = [run.wheel or runs.wheel for run in runs.run]
     estimators = ("kinematic", "side-force")
-    rigs = read_runs(path, runs.run, wheels, estimators, fallback, lambda index, result: taken[index].take(result))
-    for run, rig in zip(taken, rigs, strict=True):
+    rigs = read_runs(path, runs.run, wheels, estimators, fallback, lambda index, result: measured[index].take(result))
+    for run, rig in zip(measured, rigs, strict=True):
         if len(run.shifts) < MIN_REVOLUTIONS:
             raise CalibrationError(
                 f"{run.name}: {len(run.shifts)} of {run.offered} revolutions can be used, "
@@ -108,7 +108,7 @@ def measured_force_runs(path: Path, runs: ForceRunsFile, fallback: Path | None) 
                 "Record longer, correct from_s and to_s, or use a sensor with a lateral axis.",
             )
         run.take_force(rig, runs.side_force_std_n)
-    return taken
+    return measured
 
 
 def fit_side_force(runs: Sequence[ForceRun], stated: ForceRunsFile) -> SideForceCalibration:
@@ -140,22 +140,22 @@ def fit_side_force(runs: Sequence[ForceRun], stated: ForceRunsFile) -> SideForce
 
 def _mean(estimates: Sequence[Estimate]) -> tuple[float, float]:
     """Return the mean of independent values of a running mean, and its standard error."""
-    chosen = estimates[::-_APART]
+    chosen = estimates[::-_STRIDE]
     values = float(np.mean([estimate.value for estimate in chosen]))
     return values, float(np.mean([estimate.std for estimate in chosen])) / math.sqrt(len(chosen))
 
 
 def _fit(
-    what: str, displaced: Sequence[tuple[float, float]], forces: Sequence[float], stds: Sequence[float]
+    label: str, displaced: Sequence[tuple[float, float]], forces: Sequence[float], stds: Sequence[float]
 ) -> LinearLaw:
     if float(np.ptp(np.asarray(forces))) == 0.0:
-        raise CalibrationError(f"the {what} is the same in all runs", "Add a run at another one.")
+        raise CalibrationError(f"the {label} is the same in all runs", "Add a run at another one.")
     law = fit_linear_law(
         [displacement for displacement, _ in displaced], [error for _, error in displaced], forces, stds
     )
     if not law.factor_std < _LARGEST_ERROR * abs(law.factor):
         raise CalibrationError(
-            f"the runs do not determine the {what}: the standard error is {law.factor_std / abs(law.factor):.2g} times"
+            f"the runs do not determine the {label}: the standard error is {law.factor_std / abs(law.factor):.2g} times"
             " the factor",
             "Use runs of larger forces, or longer ones. Check the signs: forces are positive to the left.",
         )
@@ -172,8 +172,8 @@ def force_lines(runs: Sequence[ForceRun], calibration: SideForceCalibration) -> 
         moment = ""
         if calibration.moment is not None and run.table.aligning_moment_nm is not None:
             fitted, _ = calibration.moment.force(yaw, 0.0)
-            stated = run.table.aligning_moment_nm
-            moment = f" {stated:+11.1f} {fitted - stated:+9.1f}"
+            moment_nm = run.table.aligning_moment_nm
+            moment = f" {moment_nm:+11.1f} {fitted - moment_nm:+9.1f}"
         fitted, _ = calibration.side.force(shift, 0.0)
         force = run.force_n
         lines.append(
@@ -215,7 +215,7 @@ def force_toml(calibration: SideForceCalibration) -> str:
             "yaw_zero_deg": rounded(calibration.moment.zero / degree),
             "yaw_zero_std_deg": rounded(calibration.moment.zero_std / degree),
         }
-    stated = {
+    fields = {
         "side_n_per_mm": rounded(1e-3 * calibration.side.factor),
         "side_std_n_per_mm": rounded(1e-3 * calibration.side.factor_std),
         "shift_zero_mm": rounded(1e3 * calibration.side.zero),
@@ -226,6 +226,6 @@ def force_toml(calibration: SideForceCalibration) -> str:
     }
     if calibration.pressure_range_pa is not None:
         low_pa, high_pa = calibration.pressure_range_pa
-        stated |= {"pressure_min_kpa": rounded(1e-3 * low_pa), "pressure_max_kpa": rounded(1e-3 * high_pa)}
-    table = SideForceCalibrationTable(**stated)
-    return toml_text({"tire": {"side_force_calibration": table.model_dump(include=set(stated))}})
+        fields |= {"pressure_min_kpa": rounded(1e-3 * low_pa), "pressure_max_kpa": rounded(1e-3 * high_pa)}
+    table = SideForceCalibrationTable(**fields)
+    return toml_text({"tire": {"side_force_calibration": table.model_dump(include=set(fields))}})

@@ -37,19 +37,19 @@ def measured_runs(path: Path, runs: SlipRunsFile, fallback: Path | None) -> list
         CalibrationError: a run cannot be used; every run counts, so none is left out silently.
     """
     roll = RollCalibration(horizon_revolutions=_ALL_REVOLUTIONS)
-    taken = [SlipRunRevolutions(roll) for _ in runs.run]
-    used: list[list[tuple[float, float]]] = [[] for _ in runs.run]
+    measurements = [SlipRunRevolutions(roll) for _ in runs.run]
+    intervals_s: list[list[tuple[float, float]]] = [[] for _ in runs.run]
     positions: dict[int, str] = {}
 
     def take(index: int, result: RevolutionResult) -> None:
-        if taken[index].add(result.revolution, result.conditions) and runs.run[index].slip_deg is None:
-            used[index].append((result.revolution.start_s, result.revolution.period_s))
+        if measurements[index].add(result.revolution, result.conditions) and runs.run[index].slip_deg is None:
+            intervals_s[index].append((result.revolution.start_s, result.revolution.period_s))
             positions[index] = result.position
 
     # One sensor on one tire: roll, yaw and share are those of all runs.
-    wheels = [runs.wheel] * len(taken)
+    wheels = [runs.wheel] * len(measurements)
     rigs = read_runs(path, runs.run, wheels, ("kinematic",), fallback, take, skipped_revolutions=_SKIPPED_REVOLUTIONS)
-    for run, measured in zip(runs.run, taken, strict=True):
+    for run, measured in zip(runs.run, measurements, strict=True):
         _check_usable(run_name(run), measured)
     slips = []
     for index, (run, rig) in enumerate(zip(runs.run, rigs, strict=True)):
@@ -57,11 +57,11 @@ def measured_runs(path: Path, runs: SlipRunsFile, fallback: Path | None) -> list
         if run.slip_deg is not None:
             slips.append((math.radians(run.slip_deg), std_rad))
             continue
-        mean = rig_mean(run_name(run), rig, positions.get(index, ""), "slip_angle", used[index])
+        mean = rig_mean(run_name(run), rig, positions.get(index, ""), "slip_angle", intervals_s[index])
         slips.append((mean.value, math.hypot(mean.std, std_rad)))
     return [
         measured.run(run_name(run), *slip, is_reverse=run.direction == "reverse")
-        for run, measured, slip in zip(runs.run, taken, slips, strict=True)
+        for run, measured, slip in zip(runs.run, measurements, slips, strict=True)
     ]
 
 
@@ -80,11 +80,11 @@ def slip_lines(runs: Sequence[SlipRun], fit: SlipFit) -> list[str]:
     width = max(len("run"), *(len(run.name) for run in runs))
     lines = [f"{'run':<{width}}  rolling  revs  slip deg  slope deg     std  residual  pull  left out"]
     for run, residual, pull, left_out in zip(runs, fit.residual_rad, fit.pulls, fit.left_out, strict=True):
-        other = f"{left_out:+8.1f}" if math.isfinite(left_out) else "       -"
+        left_out_text = f"{left_out:+8.1f}" if math.isfinite(left_out) else "       -"
         lines.append(
             f"{run.name:<{width}}  {'reverse' if run.is_reverse else 'forward'} {run.revolutions:5d}  "
             f"{math.degrees(run.slip_rad):+8.2f} {math.degrees(run.slope_rad):+10.4f} "
-            f"{math.degrees(run.noise_std_rad):7.4f} {math.degrees(residual):+9.4f} {pull:+5.1f}  {other}"
+            f"{math.degrees(run.noise_std_rad):7.4f} {math.degrees(residual):+9.4f} {pull:+5.1f}  {left_out_text}"
         )
     law = fit.calibration
     if fit.degrees_of_freedom > 0:
@@ -139,10 +139,10 @@ def _pressures_kpa(calibration: SlipCalibration) -> tuple[float, float]:
 def slip_toml(calibration: SlipCalibration) -> str:
     """Return the table for the vehicle configuration, checked against its schema."""
     low_kpa, high_kpa = _pressures_kpa(calibration)
-    stated = table_values(SlipCalibrationTable, calibration)
-    stated |= {"pressure_min_kpa": rounded(low_kpa), "pressure_max_kpa": rounded(high_kpa)}
+    fields = table_values(SlipCalibrationTable, calibration)
+    fields |= {"pressure_min_kpa": rounded(low_kpa), "pressure_max_kpa": rounded(high_kpa)}
     if calibration.ply_steer_rad is None or calibration.conicity_rad is None:
         for key in ("ply_steer_deg", "ply_steer_std_deg", "conicity_deg", "conicity_std_deg"):
-            stated.pop(key, None)
-    table = SlipCalibrationTable(**stated)
-    return toml_text({"tire": {"slip_calibration": table.model_dump(include=set(stated))}})
+            fields.pop(key, None)
+    table = SlipCalibrationTable(**fields)
+    return toml_text({"tire": {"slip_calibration": table.model_dump(include=set(fields))}})

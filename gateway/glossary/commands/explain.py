@@ -22,7 +22,7 @@ def explain(words: tuple[str, ...]) -> None:
     name = " ".join(words)
     matches = matching(name)
     if not matches:
-        words_known = [each for entry in entries() for each in entry.names]
+        words_known = [known_name for entry in entries() for known_name in entry.names]
         raise ConfigError(
             f"'{name}' is no quantity, effect, reason, status or term",
             f"{did_you_mean(name, words_known)}`treadlink explain` takes the names that screens and files have.",

@@ -36,8 +36,8 @@ def _lines(comparison: ReferenceComparison) -> list[str]:
         ]
     unit, factor = ("km/h", 3.6) if comparison.quantity == "speed" else ("Hz", 1.0)
     estimated, measured = (_plain(value * factor) for value in (comparison.estimated, comparison.measured))
-    share = 100.0 / comparison.measured if comparison.measured else math.nan
-    percent = _with_error(comparison.difference * share, comparison.difference_std * share)
+    percent_factor = 100.0 / comparison.measured if comparison.measured else math.nan
+    percent = _with_error(comparison.difference * percent_factor, comparison.difference_std * percent_factor)
     difference = _with_error(comparison.difference * factor, comparison.difference_std * factor)
     lines = [
         f"{head}: {comparison.revolutions} revolutions, {estimated} {unit} estimated, {measured} {unit} measured; "

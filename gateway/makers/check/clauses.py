@@ -231,5 +231,5 @@ class Ledger:
             verdict = Verdict.ADVISED
         else:
             verdict = Verdict.PASSED if checked else Verdict.NOT_EXERCISED
-        why = self._unexercised.get(clause) if verdict is Verdict.NOT_EXERCISED else None
-        return ClauseResult(clause, verdict, checked, findings, why)
+        reason = self._unexercised.get(clause) if verdict is Verdict.NOT_EXERCISED else None
+        return ClauseResult(clause, verdict, checked, findings, reason)

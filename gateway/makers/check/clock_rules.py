@@ -13,16 +13,16 @@ from gateway.makers.reasons import FirmwareCode
 
 # Time over which the page compares the rate and the hub's clock.
 _SPAN_S: Final = 2.0
-_EXACT: Final = 1e-3
+_RELATIVE_TOLERANCE: Final = 1e-3
 # Blocks that are compared with one rate.
-_MOST_BLOCKS: Final = 20_000
+_MAX_BLOCKS: Final = 20_000
 # The hub's clock against that of this computer: a share, and the jitter of arrivals.
-_CLOCK_SHARE: Final = 0.005
-_ARRIVAL_S: Final = 0.1
+_CLOCK_TOLERANCE: Final = 0.005
+_ARRIVAL_JITTER_S: Final = 0.1
 # Units that a counter of another unit has, by its pace.
 _UNITS: Final = {"ms": 1e-3, "ns": 1e3, "ticks of 32768 Hz": 0.032768, "10 us": 0.1}
 _UNIT_TOLERANCE: Final = 0.05
-_LEAST_EARLY: Final = 3
+_MIN_EARLY_FRAMES: Final = 3
 
 
 @dataclass(slots=True)
@@ -82,7 +82,7 @@ class ClockRules:
                 blocks = self._blocks[seen.source] = _Blocks()
             blocks.hello = seen.message
         self._pace(clock, seen)
-        self._behind_blocks(clock, seen)
+        self._compare_with_blocks(clock, seen)
         if isinstance(seen.message, HubStatus):
             dropped = seen.message.samples_dropped
             clock.samples_dropped = (dropped if clock.samples_dropped is None else clock.samples_dropped[0]), dropped
@@ -121,33 +121,33 @@ class ClockRules:
             and blocks.last[1] == seen.message.first_sample
         )
 
-    def _pace(self, clock: _Clock, seen: SeenFrame) -> None:
+    def _pace(self, clock: _Clock, frame: SeenFrame) -> None:
         """Note how late a frame arrives by the hub's clock."""
         if clock.last_tick_us is not None:
-            clock.unwrapped_us += signed_step(clock.last_tick_us, seen.tick_us)
-        clock.last_tick_us = seen.tick_us
-        if seen.host_s is not None:
-            clock.arrivals.append((clock.unwrapped_us * 1e-6, seen.host_s))
+            clock.unwrapped_us += signed_step(clock.last_tick_us, frame.tick_us)
+        clock.last_tick_us = frame.tick_us
+        if frame.host_s is not None:
+            clock.arrivals.append((clock.unwrapped_us * 1e-6, frame.host_s))
 
-    def _block(self, seen: SeenFrame, block: SampleBlock) -> None:
-        blocks = self._blocks.setdefault(seen.source, _Blocks())
+    def _block(self, frame: SeenFrame, block: SampleBlock) -> None:
+        blocks = self._blocks.setdefault(frame.source, _Blocks())
         n = len(block.counts)
-        last, blocks.last = blocks.last, (seen.seq, block.first_sample, seen.tick_us, n)
-        if last is not None and signed_step(last[0], seen.seq) > 0:
+        last, blocks.last = blocks.last, (frame.seq, block.first_sample, frame.tick_us, n)
+        if last is not None and signed_step(last[0], frame.seq) > 0:
             step = signed_step(last[1], block.first_sample)
-            repeated = step == 0 and last[2] == seen.tick_us
-            contiguous = not blocks.lost
+            is_repeated = step == 0 and last[2] == frame.tick_us
+            is_contiguous = not blocks.lost
             self._ledger.check(Clause.NUMBERS)
-            if step < last[3] and not repeated:
+            if step < last[3] and not is_repeated:
                 reason = Reason(FirmwareCode.NUMBERS_WRONG, how="overlap", step=float(step), samples=float(last[3]))
-                self._ledger.fail(Clause.NUMBERS, seen, reason)
-            elif step > last[3] and contiguous:
+                self._ledger.fail(Clause.NUMBERS, frame, reason)
+            elif step > last[3] and is_contiguous:
                 blocks.holes += step - last[3]
-                blocks.hole = blocks.hole or seen
+                blocks.hole = blocks.hole or frame
         blocks.lost = False
-        if len(blocks.numbers) < _MOST_BLOCKS:
+        if len(blocks.numbers) < _MAX_BLOCKS:
             number = blocks.numbers[-1] + signed_step(last[1], block.first_sample) if blocks.numbers and last else 0
-            tick = blocks.ticks_us[-1] + signed_step(last[2], seen.tick_us) if blocks.ticks_us and last else 0
+            tick = blocks.ticks_us[-1] + signed_step(last[2], frame.tick_us) if blocks.ticks_us and last else 0
             blocks.numbers.append(number)
             blocks.ticks_us.append(tick)
 
@@ -161,18 +161,18 @@ class ClockRules:
         for source, blocks in self._blocks.items():
             blocks.lost |= source[0] == number
 
-    def _behind_blocks(self, clock: _Clock, seen: SeenFrame) -> None:
+    def _compare_with_blocks(self, clock: _Clock, frame: SeenFrame) -> None:
         """Compare a frame's clock with the last sample of every block sent before it."""
         for (hub, _), blocks in self._blocks.items():
-            if hub != seen.hub or blocks.last is None or blocks.hello is None:
+            if hub != frame.hub or blocks.last is None or blocks.hello is None:
                 continue
             _, _, tick_us, n = blocks.last
             length_us = (n - 1) / blocks.hello.rate_hz * 1e6
-            behind_us = signed_step(tick_us, seen.tick_us)
+            behind_us = signed_step(tick_us, frame.tick_us)
             if 0 <= behind_us < 2.0 * length_us:
                 clock.close += 1
                 if behind_us < length_us - 1.0:
-                    clock.early.append(seen)
+                    clock.early.append(frame)
 
     def _judge_clock(self, number: int) -> None:
         """Compare the pace of a hub's clock with that of the arrivals."""
@@ -190,9 +190,9 @@ class ClockRules:
         if host_s <= 0.0:
             return
         pace = float(hub_s / host_s)
-        if abs(pace - 1.0) <= _CLOCK_SHARE + _ARRIVAL_S / host_s:
+        if abs(pace - 1.0) <= _CLOCK_TOLERANCE + _ARRIVAL_JITTER_S / host_s:
             return
-        unit = next((unit for unit, of in _UNITS.items() if abs(pace / of - 1.0) < _UNIT_TOLERANCE), "")
+        unit = next((unit for unit, unit_pace in _UNITS.items() if abs(pace / unit_pace - 1.0) < _UNIT_TOLERANCE), "")
         values: dict[str, float | str] = {"how": "other_unit", "unit": unit} if unit else {"how": "pace"}
         reason = Reason(FirmwareCode.TICK_WRONG, pace=pace, duration_s=float(host_s), **values)
         self._ledger.fail(Clause.TICK, f"hub {number}", reason)
@@ -217,20 +217,20 @@ class ClockRules:
         spans_2_s = tick_s[-1] - tick_s[0] >= _SPAN_S
         if not spans_2_s or self._ledger.has_failed(Clause.NUMBERS, Clause.TICK_MONOTONIC):
             return
-        slope, begin = np.polyfit(number, tick_s, 1)
+        slope, intercept_s = np.polyfit(number, tick_s, 1)
         self._ledger.check(Clause.RATE)
         self._ledger.check(Clause.RATE_EXACT)
         self._ledger.check(Clause.JITTER)
         subject, stated_hz = source_name(source), blocks.hello.rate_hz
-        share = 1.0 / (slope * stated_hz) - 1.0
-        if abs(share) > _EXACT and not self._ledger.has_failed(Clause.RATE):
+        error = 1.0 / (slope * stated_hz) - 1.0
+        if abs(error) > _RELATIVE_TOLERANCE and not self._ledger.has_failed(Clause.RATE):
             reason = Reason(
-                FirmwareCode.RATE_NOT_EXACT, stated_hz=stated_hz, measured_hz=float(1.0 / slope), share=float(share)
+                FirmwareCode.RATE_NOT_EXACT, stated_hz=stated_hz, measured_hz=float(1.0 / slope), share=float(error)
             )
             self._ledger.fail(Clause.RATE_EXACT, subject, reason, is_advice=True)
-        residual_s = tick_s - begin - slope * number
+        residual_s = tick_s - intercept_s - slope * number
         spread_s = float(residual_s.max() - residual_s.min())
-        if spread_s > _EXACT * _SPAN_S:
+        if spread_s > _RELATIVE_TOLERANCE * _SPAN_S:
             reason = Reason(FirmwareCode.TICK_WRONG, how="jitters", spread_s=spread_s, std_s=float(residual_s.std()))
             self._ledger.fail(Clause.JITTER, subject, reason, is_advice=True)
 
@@ -242,16 +242,16 @@ class ClockRules:
             if not clock.close:
                 continue
             self._ledger.check(Clause.TICK_FIRST, clock.close)
-            if len(clock.early) >= max(_LEAST_EARLY, clock.close // 4):
+            if len(clock.early) >= max(_MIN_EARLY_FRAMES, clock.close // 4):
                 reason = Reason(
                     FirmwareCode.TICK_WRONG, how="not_of_first_sample", tick_us=float(clock.early[0].tick_us)
                 )
-                seen = clock.early[0]
+                frame = clock.early[0]
                 self._ledger.fail(
                     Clause.TICK_FIRST,
-                    source_name(seen.source),
+                    source_name(frame.source),
                     reason,
-                    seen.data,
-                    seen.at_byte,
+                    frame.data,
+                    frame.at_byte,
                     count=len(clock.early),
                 )

@@ -47,14 +47,14 @@ _SEQ: Final = wire.HEADER.reader("seq")
 _ANSWER_S: Final = 2.0
 _QUIET_S: Final = 1.0
 # What was made before a command may still be on its way.
-_ON_ITS_WAY_S: Final = 0.5
+_TRANSIT_S: Final = 0.5
 _UNKNOWN_TYPE: Final = 63
 _LOW_RATE_HZ: Final = 1.0
 _U32: Final = 0xFFFF_FFFF
 
-_Wanted = Callable[[SeenFrame], bool]
-_Script = Generator[tuple[float, _Wanted], SeenFrame | None, None]
-_Answer = Generator[tuple[float, _Wanted], SeenFrame | None, SeenFrame | None]
+_FrameTest = Callable[[SeenFrame], bool]
+_Script = Generator[tuple[float, _FrameTest], SeenFrame | None, None]
+_Answer = Generator[tuple[float, _FrameTest], SeenFrame | None, SeenFrame | None]
 
 
 @dataclass(slots=True)
@@ -62,7 +62,7 @@ class _Wait:
     """What a script waits for, and until when."""
 
     until_s: float
-    wanted: _Wanted
+    wanted: _FrameTest
 
 
 class CommandTrial:
@@ -78,7 +78,7 @@ class CommandTrial:
         self._ledger = ledger
         self._commands = HubCommands(keys)
         self._now_ns = 0
-        self._out: list[bytes] = []
+        self._outgoing: list[bytes] = []
         self._hub = 0
         self._signs = False
         self._rates_hz: dict[int, float] = {}
@@ -90,16 +90,16 @@ class CommandTrial:
     def step(self, frames: Sequence[SeenFrame], now_ns: int) -> bytes:
         """Take frames and the time; return what is to be sent."""
         self._now_ns = now_ns
-        for seen in frames:
-            self._commands(seen.data)
-            if isinstance(seen.message, Hello) and seen.wheel != HUB_ITSELF and seen.hub == self._hub:
-                self._rates_hz[seen.wheel] = seen.message.rate_hz
-            self._signs |= is_signed(seen.data)
-            if not self._done and self._wait.wanted(seen):
-                self._go_on(seen)
+        for frame in frames:
+            self._commands(frame.data)
+            if isinstance(frame.message, Hello) and frame.wheel != HUB_ITSELF and frame.hub == self._hub:
+                self._rates_hz[frame.wheel] = frame.message.rate_hz
+            self._signs |= is_signed(frame.data)
+            if not self._done and self._wait.wanted(frame):
+                self._resume(frame)
         if not self._done and now_ns * 1e-9 > self._wait.until_s:
-            self._go_on(None)
-        out, self._out = b"".join(self._out), []
+            self._resume(None)
+        out, self._outgoing = b"".join(self._outgoing), []
         return out
 
     def sent(self, host_ns: int) -> None:
@@ -112,21 +112,21 @@ class CommandTrial:
             self._leave(Reason(FirmwareCode.CHECK_NOT_DONE, why="stopped_early"))
         self._done = True
 
-    def _go_on(self, seen: SeenFrame | None) -> None:
+    def _resume(self, frame: SeenFrame | None) -> None:
         try:
-            self._wait = _Wait(*self._script.send(seen))
+            self._wait = _Wait(*self._script.send(frame))
         except StopIteration:
             self._done = True
 
-    def _in(self, seconds: float) -> float:
+    def _deadline_s(self, seconds: float) -> float:
         return self._now_ns * 1e-9 + seconds
 
-    def _leave(self, why: Reason) -> None:
+    def _leave(self, reason: Reason) -> None:
         for clause in CLAUSES:
-            self._ledger.leave(clause, why)
+            self._ledger.leave(clause, reason)
 
     def _trial(self) -> _Script:
-        hello = yield float("inf"), lambda seen: isinstance(seen.message, Hello) and seen.wheel != HUB_ITSELF
+        hello = yield float("inf"), lambda frame: isinstance(frame.message, Hello) and frame.wheel != HUB_ITSELF
         assert hello is not None  # without an end of the time
         self._hub = hello.hub
         assert isinstance(hello.message, Hello)
@@ -145,8 +145,8 @@ class CommandTrial:
         yield from self._time(time.host_ns)
         yield from self._damaged()
         yield from self._raw(Clause.COMMAND_UNKNOWN, _UNKNOWN_TYPE, b"", Outcome.UNKNOWN_COMMAND)
-        low = struct.pack("<f", _LOW_RATE_HZ)
-        yield from self._raw(Clause.COMMAND_VALUE, MessageType.SET_RATE, low, Outcome.VALUE_REFUSED)
+        payload = struct.pack("<f", _LOW_RATE_HZ)
+        yield from self._raw(Clause.COMMAND_VALUE, MessageType.SET_RATE, payload, Outcome.VALUE_REFUSED)
         yield from self._stream(is_signed=verifies)
         yield from self._rate()
 
@@ -171,8 +171,8 @@ class CommandTrial:
 
     def _send(self, clause: Clause, frame: bytes, expected: Outcome, *, is_first: bool = False) -> _Answer:
         """Send a frame and judge the answer; None when none came."""
-        self._out.append(frame)
-        answer = yield self._in(_ANSWER_S), self._is_answer
+        self._outgoing.append(frame)
+        answer = yield self._deadline_s(_ANSWER_S), self._is_answer
         type_, seq = frame[wire.TYPE_OFFSET], _SEQ.unpack_from(frame)[0]
         name = MessageType(type_).name if type_ in COMMANDS else f"type {type_}"
         if answer is None:
@@ -207,8 +207,8 @@ class CommandTrial:
             self._ledger.fail(clause, answer, reason)
         return answer
 
-    def _is_answer(self, seen: SeenFrame) -> bool:
-        return isinstance(seen.message, CommandResult) and seen.hub == self._hub
+    def _is_answer(self, frame: SeenFrame) -> bool:
+        return isinstance(frame.message, CommandResult) and frame.hub == self._hub
 
     def _frame(self, type_: int, payload: bytes) -> bytes:
         """Return a command to the hub itself, signed if it verifies commands, with the next counter."""
@@ -229,8 +229,8 @@ class CommandTrial:
     def _time(self, host_ns: int) -> _Script:
         """TIME_SYNC repeats the time that was set."""
         echo = yield (
-            self._in(_ANSWER_S + wire.TIME_SYNC_PERIOD_S),
-            lambda seen: isinstance(seen.message, TimeSync) and seen.hub == self._hub,
+            self._deadline_s(_ANSWER_S + wire.TIME_SYNC_PERIOD_S),
+            lambda frame: isinstance(frame.message, TimeSync) and frame.hub == self._hub,
         )
         self._ledger.check(Clause.COMMAND_TIME)
         if echo is None or not isinstance(echo.message, TimeSync):
@@ -243,8 +243,8 @@ class CommandTrial:
         """A command with a wrong CRC is dropped without an answer."""
         frame = self._frame(MessageType.SET_STREAM, encode_payload(SetStream(True)))
         body = frame[: -wire.CRC_BYTES]
-        self._out.append(body + struct.pack("<I", crc32(body) ^ 1))
-        answer = yield self._in(_QUIET_S), self._is_answer
+        self._outgoing.append(body + struct.pack("<I", crc32(body) ^ 1))
+        answer = yield self._deadline_s(_QUIET_S), self._is_answer
         self._ledger.check(Clause.COMMAND_CRC)
         if answer is not None:
             self._ledger.fail(Clause.COMMAND_CRC, answer, Reason(FirmwareCode.ANSWER_WRONG, how="to_damaged"))
@@ -254,15 +254,15 @@ class CommandTrial:
         self.pausing = self._hub
         stopped = yield from self._execute(Clause.COMMAND_STREAM, SetStream(False))
         if stopped is not None and isinstance(stopped.message, CommandResult) and not stopped.message.outcome:
-            yield self._in(_ON_ITS_WAY_S), lambda _: False
-            late = yield self._in(_QUIET_S), self._is_samples
+            yield self._deadline_s(_TRANSIT_S), lambda _: False
+            late = yield self._deadline_s(_QUIET_S), self._is_samples
             if late is not None:
                 self._ledger.fail(
                     Clause.COMMAND_STREAM,
                     late,
-                    Reason(FirmwareCode.COMMAND_FUTILE, command="stream_off", waited_s=_ON_ITS_WAY_S),
+                    Reason(FirmwareCode.COMMAND_FUTILE, command="stream_off", waited_s=_TRANSIT_S),
                 )
-            status = yield self._in(_ANSWER_S), lambda seen: isinstance(seen.message, HubStatus)
+            status = yield self._deadline_s(_ANSWER_S), lambda frame: isinstance(frame.message, HubStatus)
             if status is None:
                 reason = Reason(
                     FirmwareCode.MESSAGE_RATE_WRONG, type="HUB_STATUS", count=0, span_s=_ANSWER_S, due=_ANSWER_S
@@ -271,35 +271,35 @@ class CommandTrial:
         self.pausing = self._hub
         frame = self._frame(MessageType.SET_STREAM, encode_payload(SetStream(True)))
         yield from self._send(Clause.COMMAND_STREAM, frame, Outcome.DONE)
-        samples = yield self._in(_ANSWER_S), self._is_samples
+        samples = yield self._deadline_s(_ANSWER_S), self._is_samples
         if samples is None:
             reason = Reason(FirmwareCode.COMMAND_FUTILE, command="stream_on", waited_s=_ANSWER_S)
             self._ledger.fail(Clause.COMMAND_STREAM, f"hub {self._hub}", reason)
         expected = Outcome.REPEATED if is_signed else Outcome.DONE
         yield from self._send(Clause.COMMAND_REPEATED, frame, expected)
 
-    def _is_samples(self, seen: SeenFrame) -> bool:
-        return isinstance(seen.message, SampleBlock) and seen.hub == self._hub
+    def _is_samples(self, frame: SeenFrame) -> bool:
+        return isinstance(frame.message, SampleBlock) and frame.hub == self._hub
 
     def _rate(self) -> _Script:
         """HELLO follows, with another rate if the sensor supports one; then the former rate is set again."""
-        wheel, before_hz = next(iter(self._rates_hz.items()))
-        half = before_hz / 2.0
-        other_hz = half if half >= wire.MIN_RATE_HZ else min(2.0 * before_hz, wire.MAX_RATE_HZ)
-        for wanted_hz in (other_hz, before_hz):
+        wheel, former_hz = next(iter(self._rates_hz.items()))
+        half = former_hz / 2.0
+        changed_hz = half if half >= wire.MIN_RATE_HZ else min(2.0 * former_hz, wire.MAX_RATE_HZ)
+        for trial_hz in (changed_hz, former_hz):
             self.pausing = self._hub
-            answer = yield from self._execute(Clause.COMMAND_RATE, SetRate(wanted_hz))
+            answer = yield from self._execute(Clause.COMMAND_RATE, SetRate(trial_hz))
             if answer is None or not isinstance(answer.message, CommandResult) or answer.message.outcome:
                 return
             hello = yield (
-                self._in(_ANSWER_S + wire.HELLO_PERIOD_S),
-                lambda seen: isinstance(seen.message, Hello) and seen.source == (self._hub, wheel),
+                self._deadline_s(_ANSWER_S + wire.HELLO_PERIOD_S),
+                lambda frame: isinstance(frame.message, Hello) and frame.source == (self._hub, wheel),
             )
             self.pausing = self._hub
             if hello is None or not isinstance(hello.message, Hello):
-                reason = Reason(FirmwareCode.COMMAND_FUTILE, command="rate", stated_hz=before_hz, waited_s=_ANSWER_S)
+                reason = Reason(FirmwareCode.COMMAND_FUTILE, command="rate", stated_hz=former_hz, waited_s=_ANSWER_S)
                 self._ledger.fail(Clause.COMMAND_RATE, f"hub {self._hub}", reason)
-            elif wanted_hz == before_hz and hello.message.rate_hz != before_hz:
+            elif trial_hz == former_hz and hello.message.rate_hz != former_hz:
                 reason = Reason(
                     FirmwareCode.COMMAND_FUTILE, command="rate", stated_hz=hello.message.rate_hz, waited_s=0.0
                 )

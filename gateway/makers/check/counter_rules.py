@@ -16,7 +16,7 @@ _RESTART_US: Final = 1_000_000
 # Larger gaps are no loss on a link.
 _LARGEST_GAP: Final = 10_000
 # Share of frames above which a pattern explains the counters.
-_MOST: Final = 0.9
+_PATTERN_SHARE: Final = 0.9
 
 
 @dataclass(slots=True)
@@ -88,12 +88,12 @@ class CounterRules:
         self._start(state, seen, is_first=not state.frames)
         state.frames += 1
         counters = state.tracker.counters
-        before = counters.lost, counters.duplicates, counters.reordered, counters.restarts
+        prior_counts = counters.lost, counters.duplicates, counters.reordered, counters.restarts
         state.tracker.accept(seen.seq)
         lost, duplicates, reordered, restarts = (
-            after - was
-            for after, was in zip(
-                (counters.lost, counters.duplicates, counters.reordered, counters.restarts), before, strict=True
+            current - previous
+            for current, previous in zip(
+                (counters.lost, counters.duplicates, counters.reordered, counters.restarts), prior_counts, strict=True
             )
         )
         if lost > 0:
@@ -109,22 +109,22 @@ class CounterRules:
             hub.dropped = first, seen.message.frames_dropped
         return restarted
 
-    def _restarted(self, hub: _Hub, state: _Source, seen: SeenFrame) -> bool:
+    def _restarted(self, hub: _Hub, state: _Source, frame: SeenFrame) -> bool:
         """Follow the starts of a hub: its clock goes back, and its counters too or, by HELLO, its boot count rises."""
-        went_back = hub.tick_us is not None and signed_step(hub.tick_us, seen.tick_us) < -_RESTART_US
+        went_back = hub.tick_us is not None and signed_step(hub.tick_us, frame.tick_us) < -_RESTART_US
         if went_back:
-            hub.restart = seen
-        if hub.tick_us is None or went_back or signed_step(hub.tick_us, seen.tick_us) > 0:
-            hub.tick_us = seen.tick_us
-        counts_anew = went_back and seen.seq < state.tracker.expected
+            hub.restart = frame
+        if hub.tick_us is None or went_back or signed_step(hub.tick_us, frame.tick_us) > 0:
+            hub.tick_us = frame.tick_us
+        counts_anew = went_back and frame.seq < state.tracker.expected
         if counts_anew:
-            self._start_anew(seen.hub)
+            self._start_anew(frame.hub)
             hub.counts_anew = True
-        if isinstance(seen.message, Hello) and seen.wheel != HUB_ITSELF:
-            return self._boot_count(hub, seen, seen.message) or counts_anew
+        if isinstance(frame.message, Hello) and frame.wheel != HUB_ITSELF:
+            return self._boot_count(hub, frame, frame.message) or counts_anew
         return counts_anew
 
-    def _boot_count(self, hub: _Hub, seen: SeenFrame, hello: Hello) -> bool:
+    def _boot_count(self, hub: _Hub, frame: SeenFrame, hello: Hello) -> bool:
         """Compare a hello's boot count with the starts; return whether it alone shows one."""
         previous, hub.boot_count = hub.boot_count, hello.boot_count
         restart, hub.restart = hub.restart, None
@@ -135,10 +135,10 @@ class CounterRules:
         if hello.boot_count < previous or (hello.boot_count == previous and counts_anew):
             before, after = float(previous), float(hello.boot_count)
             reason = Reason(FirmwareCode.BOOT_COUNT_NOT_HIGHER, before=before, after=after)
-            self._ledger.fail(Clause.BOOT_COUNT, seen, reason)
+            self._ledger.fail(Clause.BOOT_COUNT, frame, reason)
         if hello.boot_count == previous or counts_anew:
             return False
-        self._start_anew(seen.hub)
+        self._start_anew(frame.hub)
         return True
 
     def _start_anew(self, number: int) -> None:
@@ -149,29 +149,29 @@ class CounterRules:
                 state.last_seq = None
         self._hubs[number].last = None
 
-    def _start(self, state: _Source, seen: SeenFrame, *, is_first: bool) -> None:
-        if is_first and seen.seq == 0:
+    def _start(self, state: _Source, frame: SeenFrame, *, is_first: bool) -> None:
+        if is_first and frame.seq == 0:
             self._ledger.check(Clause.START)
             state.saw_start = True
         elif state.must_start:
             self._ledger.check(Clause.START)
-            if seen.seq != 0:
+            if frame.seq != 0:
                 self._ledger.fail(
-                    Clause.START, seen, Reason(FirmwareCode.SEQ_WRONG, how="not_from_zero", seq=float(seen.seq))
+                    Clause.START, frame, Reason(FirmwareCode.SEQ_WRONG, how="not_from_zero", seq=float(frame.seq))
                 )
         state.must_start = False
 
     @staticmethod
-    def _pattern(hub: _Hub, state: _Source, seen: SeenFrame) -> None:
+    def _pattern(hub: _Hub, state: _Source, frame: SeenFrame) -> None:
         """Count steps that a wrong counter would make."""
-        if hub.last is not None and hub.last[0] != seen.source:
+        if hub.last is not None and hub.last[0] != frame.source:
             hub.changes += 1
-            hub.shared_steps += signed_step(hub.last[1], seen.seq) == 1
-        hub.last = seen.source, seen.seq
+            hub.shared_steps += signed_step(hub.last[1], frame.seq) == 1
+        hub.last = frame.source, frame.seq
         if state.last_seq is not None:
-            state.same_steps += state.last_seq == seen.seq
-            state.swapped_steps += signed_step(swapped(state.last_seq), swapped(seen.seq)) == 1
-        state.last_seq = seen.seq
+            state.same_steps += state.last_seq == frame.seq
+            state.swapped_steps += signed_step(swapped(state.last_seq), swapped(frame.seq)) == 1
+        state.last_seq = frame.seq
 
     def finish(self) -> None:
         """Judge the counters of the whole stream."""
@@ -190,26 +190,26 @@ class CounterRules:
                 self._ledger.fail(Clause.DROPS, f"hub {number}", reason)
 
     def _judge(self, hub: _Hub, source: SourceKey, state: _Source) -> None:
-        first = next((seen for seen, _ in state.gaps), None) or next(iter(state.repeated + state.went_back), None)
+        first = next((frame for frame, _ in state.gaps), None) or next(iter(state.repeated + state.went_back), None)
         if first is None:
             return
-        if state.same_steps > _MOST * (state.frames - 1):
+        if state.same_steps > _PATTERN_SHARE * (state.frames - 1):
             self._ledger.fail(Clause.SEQ, first, Reason(FirmwareCode.SEQ_WRONG, how="stands", seq=float(first.seq)))
             return
-        if hub.changes and hub.shared_steps > _MOST * hub.changes:
+        if hub.changes and hub.shared_steps > _PATTERN_SHARE * hub.changes:
             self._ledger.fail(Clause.SEQ, first, Reason(FirmwareCode.SEQ_WRONG, how="shared"))
             return
-        if state.swapped_steps > _MOST * (state.frames - 1):
+        if state.swapped_steps > _PATTERN_SHARE * (state.frames - 1):
             self._ledger.fail(Clause.SEQ, first, Reason(FirmwareCode.SEQ_WRONG, how="big_endian"))
             return
-        for seen in state.repeated:
-            self._ledger.fail(Clause.SEQ, seen, Reason(FirmwareCode.SEQ_WRONG, how="repeated", seq=float(seen.seq)))
-        for seen in state.went_back:
-            self._ledger.fail(Clause.SEQ, seen, Reason(FirmwareCode.SEQ_WRONG, how="goes_back", seq=float(seen.seq)))
-        for seen, gap in state.gaps:
+        for frame in state.repeated:
+            self._ledger.fail(Clause.SEQ, frame, Reason(FirmwareCode.SEQ_WRONG, how="repeated", seq=float(frame.seq)))
+        for frame in state.went_back:
+            self._ledger.fail(Clause.SEQ, frame, Reason(FirmwareCode.SEQ_WRONG, how="goes_back", seq=float(frame.seq)))
+        for frame, gap in state.gaps:
             if gap > _LARGEST_GAP:
                 self._ledger.fail(
-                    Clause.SEQ, seen, Reason(FirmwareCode.SEQ_WRONG, how="jumps", gap=float(gap), seq=float(seen.seq))
+                    Clause.SEQ, frame, Reason(FirmwareCode.SEQ_WRONG, how="jumps", gap=float(gap), seq=float(frame.seq))
                 )
         lost = sum(gap for _, gap in state.gaps if gap <= _LARGEST_GAP)
         if lost and not state.went_back:

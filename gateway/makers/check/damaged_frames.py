@@ -17,11 +17,11 @@ from gateway.makers.reasons import FirmwareCode
 _MASK: Final = 0xFFFF_FFFF
 _HEADER: Final = re.compile(re.escape(wire.SYNC) + rb"[\x10-\x1f]", re.DOTALL)
 # As many damaged frames are tried at most, and so many must agree.
-_MOST_TRIED: Final = 40
-_LEAST_ALIKE: Final = 3
+_MAX_TRIED: Final = 40
+_MIN_AGREEING: Final = 3
 
 
-def _reflected(polynomial: int, start: int, data: bytes) -> int:
+def _reflected_crc(polynomial: int, start: int, data: bytes) -> int:
     for byte in data:
         start ^= byte
         for _ in range(8):
@@ -29,7 +29,7 @@ def _reflected(polynomial: int, start: int, data: bytes) -> int:
     return start
 
 
-def _forward(data: bytes) -> int:
+def _forward_crc(data: bytes) -> int:
     """Return the CRC with the polynomial's bits not reflected (MPEG-2), as many CRC units compute it."""
     crc = _MASK
     for byte in data:
@@ -39,7 +39,7 @@ def _forward(data: bytes) -> int:
     return crc
 
 
-def _words(data: bytes) -> bytes:
+def _reversed_words(data: bytes) -> bytes:
     """Return whole words of 32 bits with their bytes reversed, as an STM32's CRC unit takes them."""
     return b"".join(data[offset : offset + 4][::-1] for offset in range(0, len(data), 4))
 
@@ -52,10 +52,10 @@ _VARIANTS: Final[Mapping[str, Callable[[bytes], int]]] = {
     "without_sync": lambda data: crc32(data[2:]),
     "of_payload": lambda data: crc32(data[wire.HEADER_BYTES :]),
     "of_header": lambda data: crc32(data[: wire.HEADER_BYTES]),
-    "mpeg2": _forward,
-    "bzip2": lambda data: _forward(data) ^ _MASK,
-    "of_words": lambda data: _forward(_words(data)),
-    "castagnoli": lambda data: _reflected(0x82F63B78, _MASK, data) ^ _MASK,
+    "mpeg2": _forward_crc,
+    "bzip2": lambda data: _forward_crc(data) ^ _MASK,
+    "of_words": lambda data: _forward_crc(_reversed_words(data)),
+    "castagnoli": lambda data: _reflected_crc(0x82F63B78, _MASK, data) ^ _MASK,
     "always_zero": lambda _: 0,
 }
 _LENGTHS: Final[Mapping[str, int]] = {
@@ -71,18 +71,18 @@ def diagnosis(data: bytes) -> tuple[Clause, Reason, bytes, int] | None:
     None where nothing looks like a frame.
     """
     first: tuple[int, bytes] | None = None
-    alike: dict[tuple[Clause, str], int] = {}
+    fault_counts: dict[tuple[Clause, str], int] = {}
     for tried, (offset, frame) in enumerate(_candidates(data)):
-        if tried == _MOST_TRIED:
+        if tried == _MAX_TRIED:
             break
         if first is None:
             first = offset, frame
         for key in (*_length_faults(data, offset), *_crc_faults(frame)):
-            alike[key] = alike.get(key, 0) + 1
-            if alike[key] >= _LEAST_ALIKE:
+            fault_counts[key] = fault_counts.get(key, 0) + 1
+            if fault_counts[key] >= _MIN_AGREEING:
                 code = FirmwareCode.FRAME_LENGTH_COUNTS if key[0] is Clause.LENGTH else FirmwareCode.FRAME_CRC_VARIANT
                 return key[0], Reason(code, how=key[1]), frame, offset
-    if swapped_syncs(data) >= _LEAST_ALIKE:
+    if swapped_syncs(data) >= _MIN_AGREEING:
         offset = data.find(wire.SYNC[::-1])
         return Clause.SYNC, Reason(SessionCode.LINE_SYNC_SWAPPED), data[offset : offset + wire.MAX_FRAME_BYTES], offset
     if first is not None:
@@ -99,18 +99,18 @@ def _candidates(data: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def _length_faults(data: bytes, offset: int) -> Iterator[tuple[Clause, str]]:
-    for how, more in _LENGTHS.items():
-        length = data[offset + wire.LENGTH_OFFSET] - more
+    for variant, excess_bytes in _LENGTHS.items():
+        length = data[offset + wire.LENGTH_OFFSET] - excess_bytes
         end = offset + wire.OVERHEAD_BYTES + length
         if length >= 0 and end <= len(data) and crc32(data[offset:end]) == wire.CRC_RESIDUE:
-            yield Clause.LENGTH, how
+            yield Clause.LENGTH, variant
 
 
 def _crc_faults(frame: bytes) -> Iterator[tuple[Clause, str]]:
     if len(frame) < wire.OVERHEAD_BYTES or len(frame) != wire.OVERHEAD_BYTES + frame[wire.LENGTH_OFFSET]:
         return
     body = frame[: -wire.CRC_BYTES]
-    (stated,) = struct.unpack("<I", frame[-wire.CRC_BYTES :])
-    for how, crc in _VARIANTS.items():
-        if crc(body) == stated:
-            yield Clause.CRC, how
+    (received_crc,) = struct.unpack("<I", frame[-wire.CRC_BYTES :])
+    for variant, crc in _VARIANTS.items():
+        if crc(body) == received_crc:
+            yield Clause.CRC, variant

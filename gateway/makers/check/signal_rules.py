@@ -19,22 +19,22 @@ from gateway.makers.reasons import FirmwareCode
 # Length of the stretches without a gap that are looked at: a few revolutions, in which the speed hardly changes.
 _WINDOW_S: Final = 1.5
 # So many of them, and so many of those that roll, must agree.
-_LEAST_WINDOWS: Final = 3
+_MIN_WINDOWS: Final = 3
 _AGREEING_SHARE: Final = 0.8
 # No wheel turns faster.
-_LEAST_PERIOD_S: Final = 0.02
+_MIN_PERIOD_S: Final = 0.02
 _ROLLING_MPS2: Final = 30.0
 # Ratio of the mean radial value to R Omega^2 that no radius within the usual range of tires explains.
-_LEAST_RATIO: Final = 1.8
+_MIN_SCALE_RATIO: Final = 1.8
 _REST_STD_MPS2: Final = 10.0
 # Steps from sample to sample are so many times smaller when the counts are read as they were meant.
-_SMOOTHER: Final = 4.0
+_ROUGHNESS_RATIO: Final = 4.0
 # Ratio of the steady values of two axes from which the larger one is the radial axis: of a tilt it is 2 and less.
-_LARGER: Final = 3.0
+_AXIS_RATIO: Final = 3.0
 # Blocks that are compared with a new one: a hub has that many buffers, and a loop of recorded samples is longer.
 # Counts that one must span, so that rest or saturation is no copy.
 _COMPARED_BLOCKS: Final = 8
-_LEAST_SPAN_COUNTS: Final = 32
+_MIN_SPAN_COUNTS: Final = 32
 
 
 class _Stretch:
@@ -88,7 +88,7 @@ class SignalRules:
             self._judge(source)
             stretch.rows, stretch.length = [], 0
         stretch.next_sample = block.first_sample + len(block.counts) & 0xFFFF_FFFF
-        self._copied(source, stretch.recent, block)
+        self._check_copies(source, stretch.recent, block)
         stretch.rows.append(block.counts)
         stretch.length += len(block.counts)
         if stretch.length >= _WINDOW_S * hello.rate_hz:
@@ -117,8 +117,8 @@ class SignalRules:
         radial = values[:, axes.index(Axis.RADIAL)]
         self._axes(source, axes, values, np.ptp(counts, axis=0) == 0.0, hello)
         period_s = rotation_period_s(radial, hello.rate_hz)
-        if period_s is None or period_s < _LEAST_PERIOD_S or float(radial.std()) < _ROLLING_MPS2:
-            self._at_rest(values, mean)
+        if period_s is None or period_s < _MIN_PERIOD_S or float(radial.std()) < _ROLLING_MPS2:
+            self._note_rest(values, mean)
             return
         self._ledger.check(Clause.COUPLING)
         if hello.coupling == Coupling.AC:
@@ -127,14 +127,14 @@ class SignalRules:
         expected = self._radius_m * (2.0 * math.pi / period_s) ** 2
         self._levels.setdefault(source, []).append((abs(float(radial.mean())), expected))
 
-    def _copied(self, source: SourceKey, recent: dict[bytes, int], block: SampleBlock) -> None:
+    def _check_copies(self, source: SourceKey, recent: dict[bytes, int], block: SampleBlock) -> None:
         """Compare a block with those before it: noise does not repeat."""
-        if int(block.counts.max()) - int(block.counts.min()) < _LEAST_SPAN_COUNTS:
+        if int(block.counts.max()) - int(block.counts.min()) < _MIN_SPAN_COUNTS:
             return
         content = block.counts.tobytes()
-        earlier = recent.pop(content, None)
-        if earlier is not None and earlier != block.first_sample:
-            values = {"samples": len(block.counts), "first": block.first_sample, "earlier": earlier}
+        earlier_sample = recent.pop(content, None)
+        if earlier_sample is not None and earlier_sample != block.first_sample:
+            values = {"samples": len(block.counts), "first": block.first_sample, "earlier": earlier_sample}
             self._ledger.fail(
                 Clause.ONCE, source_name(source), Reason(FirmwareCode.COUNTS_WRONG, how="repeated", **values)
             )
@@ -143,7 +143,7 @@ class SignalRules:
             del recent[next(iter(recent))]
 
     def _axes(
-        self, source: SourceKey, axes: list[Axis], values: FloatArray, stands: NDArray[np.bool_], hello: Hello
+        self, source: SourceKey, axes: list[Axis], values: FloatArray, are_constant: NDArray[np.bool_], hello: Hello
     ) -> None:
         """Judge order and sign of the axes of a stretch that rolls, and that none stands."""
         mean = values.mean(axis=0)
@@ -152,7 +152,7 @@ class SignalRules:
         if period_s is None or float(values[:, highest].std()) < _ROLLING_MPS2:
             return
         subject, radial_mps2 = source_name(source), float(mean[axes.index(Axis.RADIAL)])
-        for axis in (axis for axis, still in zip(axes, stands, strict=True) if still):
+        for axis in (axis for axis, is_constant in zip(axes, are_constant, strict=True) if is_constant):
             reason = Reason(
                 FirmwareCode.COUNTS_WRONG,
                 how="axis_stands",
@@ -164,7 +164,7 @@ class SignalRules:
         zero_unknown = self._ledger.has_failed(Clause.HELLO_VALUES)
         if hello.coupling == Coupling.AC or zero_unknown or abs(mean[highest]) < _ROLLING_MPS2:
             return
-        if abs(mean[highest]) > _LARGER * abs(radial_mps2):
+        if abs(mean[highest]) > _AXIS_RATIO * abs(radial_mps2):
             level = {"level_mps2": float(mean[highest]), "radial_mps2": radial_mps2}
             reason = Reason(FirmwareCode.COUNTS_WRONG, how="axes_order", axis=AXIS_NAMES[axes[highest]], **level)
             self._ledger.fail(Clause.ROWS, subject, reason)
@@ -174,30 +174,30 @@ class SignalRules:
     def _scale(self, source: SourceKey, levels: FloatArray) -> None:
         """Judge the ratios of all stretches, (k, 2) levels and R Omega^2."""
         # Levels from before those were found may be among them.
-        if len(levels) < _LEAST_WINDOWS or self._ledger.has_failed(Clause.BYTE_ORDER, Clause.COUPLING):
+        if len(levels) < _MIN_WINDOWS or self._ledger.has_failed(Clause.BYTE_ORDER, Clause.COUPLING):
             return
         self._ledger.check(Clause.SCALE, len(levels))
         ratio = levels[:, 0] / levels[:, 1]
-        middle = int(np.argsort(ratio)[len(ratio) // 2])
-        if 1.0 / _LEAST_RATIO < ratio[middle] < _LEAST_RATIO:
+        median_index = int(np.argsort(ratio)[len(ratio) // 2])
+        if 1.0 / _MIN_SCALE_RATIO < ratio[median_index] < _MIN_SCALE_RATIO:
             return
-        alike = np.abs(np.log2(ratio / ratio[middle])) < 0.5
-        if alike.mean() < _AGREEING_SHARE:
+        agreeing = np.abs(np.log2(ratio / ratio[median_index])) < 0.5
+        if agreeing.mean() < _AGREEING_SHARE:
             return
         reason = Reason(
             FirmwareCode.SCALE_OFF_BY_POWER_OF_TWO,
-            level_mps2=float(levels[middle, 0]),
-            expected_mps2=float(levels[middle, 1]),
-            ratio=float(ratio[middle]),
-            power=round(math.log2(ratio[middle])),
+            level_mps2=float(levels[median_index, 0]),
+            expected_mps2=float(levels[median_index, 1]),
+            ratio=float(ratio[median_index]),
+            power=round(math.log2(ratio[median_index])),
             radius_m=self._radius_m,
         )
         self._ledger.fail(Clause.SCALE, source_name(source), reason)
 
-    def _at_rest(self, values: FloatArray, mean: FloatArray) -> None:
+    def _note_rest(self, values: FloatArray, mean: FloatArray) -> None:
         if float(values.std(axis=0).max()) < _REST_STD_MPS2 and values.shape[1] == len(Axis):
-            share = float(np.linalg.norm(mean)) / STANDARD_GRAVITY_MPS2
-            self._ledger.leave(Clause.SCALE, Reason(FirmwareCode.CHECK_NOT_DONE, why="at_rest", share=share))
+            gravity_ratio = float(np.linalg.norm(mean)) / STANDARD_GRAVITY_MPS2
+            self._ledger.leave(Clause.SCALE, Reason(FirmwareCode.CHECK_NOT_DONE, why="at_rest", share=gravity_ratio))
         else:
             self._ledger.leave(Clause.SCALE, Reason(FirmwareCode.CHECK_NOT_DONE, why="does_not_roll"))
         self._ledger.leave(Clause.COUPLING, Reason(FirmwareCode.CHECK_NOT_DONE, why="does_not_roll"))
@@ -206,12 +206,12 @@ class SignalRules:
 def _misread(blocks: list[NDArray[np.int16]]) -> Reason | None:
     """Return how else the counts of blocks are smooth, None where they are as they are."""
     as_sent = _roughness(blocks)
-    if _SMOOTHER * _roughness([block ^ np.int16(-0x8000) for block in blocks]) < as_sent:
+    if _ROUGHNESS_RATIO * _roughness([block ^ np.int16(-0x8000) for block in blocks]) < as_sent:
         return Reason(FirmwareCode.COUNTS_WRONG, how="offset_binary")
     channels = blocks[0].shape[1]
     if channels > 1:
         by_axis = _roughness([block.reshape(channels, -1).T for block in blocks])
-        if _SMOOTHER * by_axis < as_sent:
+        if _ROUGHNESS_RATIO * by_axis < as_sent:
             return Reason(FirmwareCode.COUNTS_WRONG, how="transposed", ratio=as_sent / max(by_axis, 1))
     return None
 

@@ -37,12 +37,12 @@ class SignatureRules:
         if signed:
             self._tag(seen)
 
-    def _tag(self, seen: SeenFrame) -> None:
-        hello = self._boots.get(seen.hub) if seen.wheel == HUB_ITSELF else self._hellos.get(seen.source)
+    def _tag(self, frame: SeenFrame) -> None:
+        hello = self._boots.get(frame.hub) if frame.wheel == HUB_ITSELF else self._hellos.get(frame.source)
         if hello is None:
             return
-        number = hello.hub_id if seen.wheel == HUB_ITSELF else hello.sensor_id
-        identity = hub_identity(number) if seen.wheel == HUB_ITSELF else sensor_identity(number)
+        number = hello.hub_id if frame.wheel == HUB_ITSELF else hello.sensor_id
+        identity = hub_identity(number) if frame.wheel == HUB_ITSELF else sensor_identity(number)
         key = self._keys.get(identity)
         if key is None:
             self._ledger.leave(Clause.TAG, Reason(FirmwareCode.CHECK_NOT_DONE, why="no_key", identity=identity))
@@ -51,6 +51,6 @@ class SignatureRules:
         verifier = self._verifiers.get((identity, hello.boot_count))
         if verifier is None:
             verifier = self._verifiers[identity, hello.boot_count] = Verifier(key, number, hello.boot_count)
-        if not verifier.is_genuine(seen.data):
+        if not verifier.is_genuine(frame.data):
             reason = Reason(FirmwareCode.SIGNATURE_WRONG, how="tag", identity=identity, boot_count=hello.boot_count)
-            self._ledger.fail(Clause.TAG, source_name(seen.source), reason, seen.data, seen.at_byte)
+            self._ledger.fail(Clause.TAG, source_name(frame.source), reason, frame.data, frame.at_byte)

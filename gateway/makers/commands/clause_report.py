@@ -35,18 +35,18 @@ def _details(result: ClauseResult) -> Iterator[str]:
     if result.why is not None:
         yield text(result.why)
     for finding in result.findings:
-        yield _said(finding)
+        yield _finding_text(finding)
         if finding.example:
             position = "" if finding.at_byte is None else f"at byte {finding.at_byte}: "
             yield f"{position}{hex_bytes(finding.example)}"
 
 
-def _said(finding: Finding) -> str:
-    said = text(finding.reason)
-    said = f"{escaped(finding.subject)}: {said}" if finding.subject else said
+def _finding_text(finding: Finding) -> str:
+    message = text(finding.reason)
+    message = f"{escaped(finding.subject)}: {message}" if finding.subject else message
     # Some reasons have a count of their own.
     has_count = finding.count == 1 or "count" in dict(finding.reason.values)
-    return said if has_count else f"{said} ({finding.count} times)"
+    return message if has_count else f"{message} ({finding.count} times)"
 
 
 def report_json(report: CheckReport) -> dict[str, Any]:
@@ -99,7 +99,7 @@ def junit_xml(reports: list[CheckReport]) -> str:
             case = ElementTree.SubElement(suite, "testcase", classname=result.clause.section, name=name)
             details = "\n".join(_details(result))
             if result.verdict is Verdict.FAILED:
-                failure = ElementTree.SubElement(case, "failure", message=_said(result.findings[0]))
+                failure = ElementTree.SubElement(case, "failure", message=_finding_text(result.findings[0]))
                 failure.text = details
             elif result.verdict is Verdict.NOT_EXERCISED:
                 ElementTree.SubElement(case, "skipped", message=details)

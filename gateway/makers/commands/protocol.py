@@ -270,10 +270,10 @@ def _write(files: Mapping[str, str], out: Path | None, *, force: bool) -> None:
             click.echo(text, nl=False)
         return
     targets = {out / name: text for name, text in files.items()}
-    there = [str(path) for path in targets if path.exists()]
-    if there and not force:
+    existing = [str(path) for path in targets if path.exists()]
+    if existing and not force:
         raise TreadlinkError(
-            f"already exists: {', '.join(there)}", "Choose another folder with --out, or overwrite with --force."
+            f"already exists: {', '.join(existing)}", "Choose another folder with --out, or overwrite with --force."
         )
     try:
         for path in targets:

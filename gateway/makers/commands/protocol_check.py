@@ -65,7 +65,7 @@ def check_link(
     checks: dict[str, FirmwareCheck] = {}
     capacity = _capacity_bytes_per_s(source)
 
-    def of_link(link: str) -> FirmwareCheck:
+    def link_check(link: str) -> FirmwareCheck:
         if link not in checks:
             checks[link] = FirmwareCheck(link, keys, radius_m=radius_m, capacity_bytes_per_s=capacity)
         return checks[link]
@@ -79,22 +79,22 @@ def check_link(
                 say(f"{escaped(item.link)}: {text(item.reason)}")
                 break
             if isinstance(item, LinkEvent) and item.kind is LinkEventKind.CONNECTED and two_way and sends_commands:
-                trial = CommandTrial(of_link(item.link).ledger, keys)
+                trial = CommandTrial(link_check(item.link).ledger, keys)
             if not isinstance(item, Chunk):
                 continue
-            check = of_link(item.link)
+            check = link_check(item.link)
             frames = check.chunk(item)
             if trial is not None and two_way is not None:
                 _try_out(trial, two_way, trial.step(frames, item.host_ns), check, clock)
     if trial is not None:
         trial.finish()
     else:
-        why = Reason(FirmwareCode.CHECK_NOT_DONE, why="no_commands" if sends_commands else "no_commands_wanted")
+        reason = Reason(FirmwareCode.CHECK_NOT_DONE, why="no_commands" if sends_commands else "no_commands_wanted")
         for check in checks.values():
             for clause in CLAUSES:
-                check.ledger.leave(clause, why)
+                check.ledger.leave(clause, reason)
     if not checks:
-        of_link(source)
+        link_check(source)
     return [check.finish() for check in checks.values()]
 
 
@@ -125,9 +125,9 @@ def dump_frames(source: str, *, for_s: float | None, clock: Clock, write: Callab
                 continue
             if item.link not in lines:
                 lines[item.link] = FrameDecoder(), FrameLines()
-            decoder, shown = lines[item.link]
+            decoder, frame_lines = lines[item.link]
             frames = decoder.feed(item.data)
-            for line in shown.lines(frames, decoder.counters, item.host_ns):
+            for line in frame_lines.lines(frames, decoder.counters, item.host_ns):
                 write(line)
 
 
@@ -143,22 +143,22 @@ def _items(
         recorded = open_recorded_file(source)
         yield _until(recorded.items(), for_s, stop), None
         return
-    opened = open_source(source, clock)
-    two_way = opened if isinstance(opened, TwoWaySource) else None
+    opened_source = open_source(source, clock)
+    two_way = opened_source if isinstance(opened_source, TwoWaySource) else None
     timer: threading.Timer | None = None
     if for_s is not None and is_live(source):
         # A silent link yields no item that could end it.
         timer = threading.Timer(for_s + _GRACE_S, stop.set)
         timer.daemon = True
         timer.start()
-    read = ReadAheadSource(opened) if reads_ahead and is_live(source) else opened
-    played = read if for_s is None else limited(read, for_s)
+    buffered = ReadAheadSource(opened_source) if reads_ahead and is_live(source) else opened_source
+    time_limited = buffered if for_s is None else limited(buffered, for_s)
     try:
-        yield played.items(stop), two_way
+        yield time_limited.items(stop), two_way
     finally:
         if timer is not None:
             timer.cancel()
-        opened.close()
+        opened_source.close()
 
 
 def _until(items: Iterator[LinkItem], for_s: float | None, stop: StopRequest) -> Iterator[LinkItem]:

@@ -37,10 +37,10 @@ class FrameLines:
         at_s = (host_ns - self._begin_ns) * 1e-9
         for frame in frames:
             yield f"{at_s:10.3f}  {frame_line(frame)}"
-        for name, said in _FAULTS.items():
+        for name, description in _FAULTS.items():
             count = getattr(counters, name)
             if count != self._counted[name]:
-                yield f"{at_s:10.3f}  ! {said}: {count - self._counted[name]:+d}"
+                yield f"{at_s:10.3f}  ! {description}: {count - self._counted[name]:+d}"
                 self._counted[name] = count
 
 
@@ -55,9 +55,9 @@ def frame_line(frame: Frame) -> str:
 def _content(message: Message) -> str:
     if isinstance(message, SampleBlock):
         rows = [" ".join(map(str, row)) for row in message.counts[:_SHOWN_ROWS].tolist()]
-        more = " ..." if len(message.counts) > _SHOWN_ROWS else ""
+        ellipsis = " ..." if len(message.counts) > _SHOWN_ROWS else ""
         first, n = message.first_sample, len(message.counts)
-        return f"first_sample {first} axes {message.axes} n {n}: {', '.join(rows)}{more}"
+        return f"first_sample {first} axes {message.axes} n {n}: {', '.join(rows)}{ellipsis}"
     if isinstance(message, LogText):
         return f"level {message.level}: {escaped(message.text)}"
     return " ".join(f"{name}={_value(value)}" for name, value in message._asdict().items())

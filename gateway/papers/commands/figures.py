@@ -10,8 +10,8 @@ from gateway.core.cli.path_option import path_option
 from gateway.core.cli.summary_output import SummaryOutput
 
 
-def _print_list(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
-    if not wanted or ctx.resilient_parsing:
+def _print_list(ctx: click.Context, _: click.Parameter, is_requested: bool) -> None:
+    if not is_requested or ctx.resilient_parsing:
         return
     from gateway.papers.figure_registry import all_figures, title
 
@@ -68,7 +68,7 @@ def figures(
     from gateway.core.text.text import counted
     from gateway.papers.paper_figures import figures as draw
 
-    say = SummaryOutput()
+    summary = SummaryOutput()
     written = draw(
         out,
         sources,
@@ -77,10 +77,10 @@ def figures(
         suffix=suffix,
         config=config_path,
         force=force,
-        on_line=say,
+        on_line=summary,
         show_progress=True,
     )
     tables = [path for path in written if path.suffix == ".csv"]
     count = len(written) - len(tables) - 1
-    say(f"written: {', '.join(map(str, [*tables, counted(count, 'figure')]))} and {written[-1]}")
-    say.finish()
+    summary(f"written: {', '.join(map(str, [*tables, counted(count, 'figure')]))} and {written[-1]}")
+    summary.finish()

@@ -119,33 +119,33 @@ def plan(
         listed = parse_accelerometers(read_text(sensors_path, "the accelerometers"), str(sensors_path))
     chosen = _parts_by_name(listed.sensor, names)
     loaded = load_scenario(scenario)
-    say = SummaryOutput([json_path])
+    output = SummaryOutput([json_path])
     if want_texts:
-        at_mps = parse_speeds_mps(at_text)
-        truths = tire_at(loaded, at_mps[0]).truths
+        speeds_mps = parse_speeds_mps(at_text)
+        truths = tire_at(loaded, speeds_mps[0]).truths
         wants = [parse_want(text, truths) for text in want_texts]
-        leasts = []
-        better, advice = better_statements(loaded, wants, at_mps, revolutions=int(after))
+        sensors = []
+        improved, advice = better_statements(loaded, wants, speeds_mps, revolutions=int(after))
         for line in advice:
-            say(f"state better: {line}")
+            output(f"state better: {line}")
         with progress_view() as view:
             bar = view.bar("simulated drives")
-            for least in least_sensors(
+            for sensor in least_sensors(
                 loaded,
                 wants,
-                at_mps,
+                speeds_mps,
                 revolutions=int(after),
                 wheels=wheels or 3,
                 seed=seed,
-                better=better,
+                better=improved,
                 on_share=bar.show,
             ):
-                leasts.append(least)
+                sensors.append(sensor)
                 with view.hidden():
-                    say(least_line(least))
-                    if least.reached:
-                        say(parts_line(least, chosen))
-        document, has_result = least_json(leasts), any(least.reached for least in leasts)
+                    output(least_line(sensor))
+                    if sensor.reached:
+                        output(parts_line(sensor, chosen))
+        document, has_result = least_json(sensors), any(sensor.reached for sensor in sensors)
     else:
         plans = []
         cases = [(part, speed_kmh) for part in chosen for speed_kmh in speeds_kmh]
@@ -156,13 +156,13 @@ def plan(
                 planned = plan_sensor(loaded, part, speed_kmh / 3.6, wheels=wheels or 40, seed=seed)
                 plans.append(planned)
                 with view.hidden():
-                    for line in plan_lines(planned, listed.power, terminal_columns(on_err=say.err)):
-                        say(line)
+                    for line in plan_lines(planned, listed.power, terminal_columns(on_err=output.err)):
+                        output(line)
         document, has_result = plan_json(plans, listed.power), any(planned.usable for planned in plans)
     if json_path is not None:
         write_whole(json_path, document, force=force)
-        say.written(json_path)
-    say.finish()
+        output.written(json_path)
+    output.finish()
     if not has_result:
         raise click.exceptions.Exit(1)
 

@@ -13,7 +13,7 @@ _NUMBER: Final = r"\d+(?:\.\d+)?(?:e-?\d+)?"
 _WANT: Final = re.compile(rf"(.+?)=({_NUMBER}) ?(.*)")
 _SPEEDS: Final = re.compile(rf"({_NUMBER})(?:\.\.({_NUMBER}))? ?(?:km/h)?")
 _KMH_PER_MPS: Final = 3.6
-_LEAST_KMH, _GREATEST_KMH = 5.0, 400.0
+_MIN_KMH, _MAX_KMH = 5.0, 400.0
 
 
 def parse_want(text: str, truths: Mapping[str, float]) -> Want:
@@ -29,13 +29,13 @@ def parse_want(text: str, truths: Mapping[str, float]) -> Want:
     match = _WANT.fullmatch(text)
     if match is None:
         raise ConfigError(f"'{text}' asks for no error", "Write --want wear=0.5mm, or a share of the value: Ts=3%.")
-    short = {split_name(name)[0].replace(" ", "_"): name for name in truths}
-    wanted = match[1].strip().replace(" ", "_")
-    name = wanted if wanted in truths else short.get(wanted)
+    by_short_name = {split_name(name)[0].replace(" ", "_"): name for name in truths}
+    label = match[1].strip().replace(" ", "_")
+    name = label if label in truths else by_short_name.get(label)
     if name is None:
         raise ConfigError(
-            f"'{wanted}' is no quantity that is planned",
-            f"{did_you_mean(wanted, short)}Known: {', '.join(short)}.",
+            f"'{label}' is no quantity that is planned",
+            f"{did_you_mean(label, by_short_name)}Known: {', '.join(by_short_name)}.",
         )
     unit, error = split_name(name)[1], float(match[2])
     if match[3] == "%" and truths[name]:
@@ -45,7 +45,7 @@ def parse_want(text: str, truths: Mapping[str, float]) -> Want:
     else:
         units = [symbol for symbol in (unit.symbol, "%" if truths[name] else "") if symbol]
         if not match[3]:
-            raise ConfigError(f"the error of {wanted} has no unit", f"Write {wanted}={match[2]}{units[0]}.")
+            raise ConfigError(f"the error of {label} has no unit", f"Write {label}={match[2]}{units[0]}.")
         raise ConfigError(f"'{match[3]}' is no unit of the error of {name}", f"Give it in {' or '.join(units)}.")
     if largest <= 0.0:
         raise ConfigError(f"no sensor has an error of {match[2]} in {name}", "Give an error above 0.")
@@ -61,8 +61,8 @@ def parse_speeds_mps(text: str) -> tuple[float, ...]:
     match = _SPEEDS.fullmatch(text)
     slowest = float(match[1]) if match is not None else 0.0
     fastest = float(match[2] or slowest) if match is not None else 0.0
-    if not _LEAST_KMH <= slowest <= fastest <= _GREATEST_KMH:
+    if not _MIN_KMH <= slowest <= fastest <= _MAX_KMH:
         raise ConfigError(
-            f"'{text}' is no range of speeds from {_LEAST_KMH:g} to {_GREATEST_KMH:g} km/h", "Write --at 60..120km/h."
+            f"'{text}' is no range of speeds from {_MIN_KMH:g} to {_MAX_KMH:g} km/h", "Write --at 60..120km/h."
         )
     return tuple(kmh / _KMH_PER_MPS for kmh in sorted({slowest, 0.5 * (slowest + fastest), fastest}))

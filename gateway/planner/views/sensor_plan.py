@@ -21,12 +21,12 @@ def plan_lines(plan: SensorPlan, power: PowerModel | None = None, columns: int =
     peak_g = plan.peak_mps2 / STANDARD_GRAVITY_MPS2
     state = "usable" if plan.usable else "not usable"
     yield f"{plan.sensor.name} at {3.6 * plan.speed_mps:g} km/h: {state}"
-    known_rate = not math.isnan(plan.rate_hz)
+    has_rate = not math.isnan(plan.rate_hz)
     rate = "rate unknown"
-    if known_rate:
+    if has_rate:
         rate = f"{plan.rate_hz:.0f} Hz, {plan.contact_samples:.0f} samples in the contact"
     yield f"  peak {peak_g:.0f} g of {plan.sensor.range_g:g} g; {rate}"
-    if known_rate:
+    if has_rate:
         yield f"  {_load_line(link_load(plan.rate_hz, plan.sensor.current_ma, power), power)}"
     if plan.reasons:
         yield f"  {joined(plan.reasons)}"
@@ -77,11 +77,11 @@ def least_line(least: LeastSensor) -> str:
 
 def _worst(worst: WorstError) -> str:
     label, unit = split_name(worst.quantity)
-    error, wanted = (f"{unit.factor * value:.3g} {unit.symbol}".rstrip() for value in (worst.error, worst.wanted))
-    given = f"{error} of {wanted}" if math.isfinite(worst.error) else "not valid in most drives"
+    error, limit = (f"{unit.factor * value:.3g} {unit.symbol}".rstrip() for value in (worst.error, worst.wanted))
+    text = f"{error} of {limit}" if math.isfinite(worst.error) else "not valid in most drives"
     if worst.share <= 1.0:
-        given += f", after {worst.minutes:.2g} min of driving"
-    return f"{label} at {3.6 * worst.speed_mps:g} km/h: {given}"
+        text += f", after {worst.minutes:.2g} min of driving"
+    return f"{label} at {3.6 * worst.speed_mps:g} km/h: {text}"
 
 
 def parts_line(least: LeastSensor, parts: Sequence[Accelerometer]) -> str:

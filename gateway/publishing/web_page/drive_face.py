@@ -68,11 +68,11 @@ def _alarm_text(alarm: Alarm) -> str:
 
 def _since(snapshot: SessionSnapshot, alarm: Alarm) -> str:
     """Return since when an alarm stands, or how often it was raised; empty where that is not known."""
-    of_alarm = [each for each in snapshot.alarm_records if (each.position, each.name) == (alarm.position, alarm.name)]
-    if not of_alarm:
+    entries = [item for item in snapshot.alarm_records if (item.position, item.name) == (alarm.position, alarm.name)]
+    if not entries:
         return ""
-    times = f" {of_alarm[0].count} times" if of_alarm[0].count > 1 else ""
-    return f"{times} since {duration(of_alarm[0].first_s)}"
+    times = f" {entries[0].count} times" if entries[0].count > 1 else ""
+    return f"{times} since {duration(entries[0].first_s)}"
 
 
 def _verdict(snapshot: SessionSnapshot) -> tuple[str, str, str]:
@@ -95,8 +95,8 @@ def _verdict(snapshot: SessionSnapshot) -> tuple[str, str, str]:
     if not rolling:
         return "unknown", "", "No wheel rolls."
     alarms = f" {counted(len(snapshot.alarms), 'alarm')} acknowledged." if snapshot.alarms else ""
-    whole = "All is well." if rolling == len(wheels) else f"{rolling} of {len(wheels)} wheels roll."
-    return "good", "", whole + alarms
+    summary = "All is well." if rolling == len(wheels) else f"{rolling} of {len(wheels)} wheels roll."
+    return "good", "", summary + alarms
 
 
 def _wheel(wheel: WheelSnapshot, snapshot: SessionSnapshot) -> JsonObject:

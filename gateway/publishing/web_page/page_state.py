@@ -96,24 +96,24 @@ def _wheel(wheel: WheelSnapshot, *, is_alarmed: bool) -> JsonObject:
         "state": state_text(wheel),
         "kind": wheel.state.name.lower(),
         "alarm": is_alarmed,
-        "speed": _shown(reading.speed)
+        "speed": _number_fields(reading.speed)
         if reading is not None and is_rolling
         else [MISSING, "", unit_symbol(SPEED), "", ""],
-        "edges": [f"{shown.plain} {shown.text()}" for shown in edges],
+        "edges": [f"{entry.plain} {entry.text()}" for entry in edges],
         "surroundings": _runs(surroundings(wheel)),
         "car": _runs(car_runs(reading)),
         "note": _runs([note])[0] if note is not None else None,
-        "numbers": [[shown.plain, *_shown(shown)] for shown in shown_numbers(wheel, reading)],
+        "numbers": [[entry.plain, *_number_fields(entry)] for entry in shown_numbers(wheel, reading)],
         "counters": _runs(counter_runs(wheel)),
         "flags": [clean(f"{flag.name}: {reason_text(flag.reason)}") for flag in wheel.flags],
     }
 
 
-def _shown(shown: Shown) -> list[str]:
+def _number_fields(entry: Shown) -> list[str]:
     """Return value, error, unit, mark and reason."""
-    number = shown.number
+    number = entry.number
     error = f"{number.error}{number.power}" if number.error else ""
-    return [number.value + number.power, error, shown.unit, shown.mark, clean(shown.reason)]
+    return [number.value + number.power, error, entry.unit, entry.mark, clean(entry.reason)]
 
 
 def _runs(row: Row | Iterable[Run]) -> list[list[str]]:

@@ -52,8 +52,8 @@ _PLANAR: Final = 2
 # Neighbours on either side: two of the stiffness, one more for the rate of bending.
 _REACH: Final = 3
 # Places in `_Parts.acting` of the sidewall's damper: at rest, and as the belt passes.
-_AT_REST: Final = 1
-_PASSED: Final = 4
+_DAMPER_AT_REST: Final = 1
+_DAMPER_PASSING: Final = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -180,21 +180,21 @@ def block_response(
     moving, by_count = _moving(belt.law.radius_m, grid, count)
     times_s = np.array([1.0, blocks.bending_time_s, blocks.tread_time_s])
     dynamic = _dynamic(parts, moving, times_s, inertia, omega_radps, count)
-    pushed = np.zeros(belt.state.shape, dtype=np.complex128)
-    pushed[:, :2] = -parts.push_n * np.exp(1j * count * grid.theta_rad)[:, None]
+    push_load = np.zeros(belt.state.shape, dtype=np.complex128)
+    push_load[:, :2] = -parts.push_n * np.exp(1j * count * grid.theta_rad)[:, None]
     solve = _Solver(dynamic)
-    vibration = solve(pushed[None])[0]
-    around = vibration[_window(len(vibration))]
-    accelerated, *acted = _acting(parts.acting, around)
-    held, passed = omega_radps * np.reshape(acted, (2, 3, *vibration.shape))
-    accelerated[:, :2] += np.tensordot(moving, around[:, :, :2], axes=(0, 1))
-    by_blocks = -1j * np.tensordot(times_s, held, 1)
-    by_blocks[:, :2] += inertia * np.tensordot(by_count, around[:, :, :2], axes=(0, 1))
-    turned = 1j * grid.theta_rad[:, None] * pushed - by_blocks
-    changes = solve(np.stack([turned, -(omega_radps**2) * accelerated, *(1j * count * held - passed)[1:]]))
-    read, explicit = _reading(belt, sensor_offset_m)(np.concatenate([vibration[None], changes]), count)
-    read[1] += explicit
-    return BlockResponse(read[0], read[1:])
+    vibration = solve(push_load[None])[0]
+    windows = vibration[_window(len(vibration))]
+    accelerated, *losses = _acting(parts.acting, windows)
+    standing, convected = omega_radps * np.reshape(losses, (2, 3, *vibration.shape))
+    accelerated[:, :2] += np.tensordot(moving, windows[:, :, :2], axes=(0, 1))
+    by_blocks = -1j * np.tensordot(times_s, standing, 1)
+    by_blocks[:, :2] += inertia * np.tensordot(by_count, windows[:, :, :2], axes=(0, 1))
+    count_load = 1j * grid.theta_rad[:, None] * push_load - by_blocks
+    changes = solve(np.stack([count_load, -(omega_radps**2) * accelerated, *(1j * count * standing - convected)[1:]]))
+    readings, explicit = _reading(belt, sensor_offset_m)(np.concatenate([vibration[None], changes]), count)
+    readings[1] += explicit
+    return BlockResponse(readings[0], readings[1:])
 
 
 def pushed_response(
@@ -232,28 +232,28 @@ def pushed_response(
     moving, _ = _moving(belt.law.radius_m, ring_grid(len(belt.state)), count)
     times_s = np.array([1.0, blocks.bending_time_s, blocks.tread_time_s])
     solve = _Solver(_dynamic(parts, moving, times_s, inertia, omega_radps, count))
-    moved = solve(-forces_n)
-    terms = [moved]
+    vibrations = solve(-forces_n)
+    terms = [vibrations]
     if by_damping:
         # With S the damper's part of A, A D = f, c = c_0 exp(y), z = exp(-y) - 1: A D' = -S D, A D'' = -S (D + 2 D').
-        first = solve(-_damped(parts, moved, omega_radps, count))
-        second = solve(-_damped(parts, moved + 2.0 * first, omega_radps, count))
+        first = solve(-_damped(parts, vibrations, omega_radps, count))
+        second = solve(-_damped(parts, vibrations + 2.0 * first, omega_radps, count))
         terms += [-first, 0.5 * (first + second)]
     if by_mass_n is not None:
         # With S what the mass does to A, f' the forces' part of it: A D' = f' - S D.
-        terms.append(solve(-by_mass_n - _accelerated(parts, moving, inertia, moved)))
-    moved[:, :, 1] += lifted_m[:, None]
-    read = _reading(belt, offset_m)(np.concatenate(terms), count)[0]
-    return read.reshape(len(terms), -1, *read.shape[1:])
+        terms.append(solve(-by_mass_n - _accelerated(parts, moving, inertia, vibrations)))
+    vibrations[:, :, 1] += lifted_m[:, None]
+    readings = _reading(belt, offset_m)(np.concatenate(terms), count)[0]
+    return readings.reshape(len(terms), -1, *readings.shape[1:])
 
 
 def _damped(parts: _Parts, vibrations: ComplexArray, omega_radps: float, count: float) -> ComplexArray:
     """Return what the sidewall's damper does to vibrations (k, N, d), likewise."""
     dof = vibrations.shape[2]
     by_node = parts.acting.reshape(len(parts.acting), -1, dof, parts.acting.shape[2])
-    damper = np.ascontiguousarray(by_node[:, [_AT_REST, _PASSED]]).reshape(len(by_node), 2 * dof, -1)
-    held, passed = _acted(damper, vibrations)
-    result: ComplexArray = omega_radps * (passed - 1j * count * held)
+    damper = np.ascontiguousarray(by_node[:, [_DAMPER_AT_REST, _DAMPER_PASSING]]).reshape(len(by_node), 2 * dof, -1)
+    standing, convected = _acted(damper, vibrations)
+    result: ComplexArray = omega_radps * (convected - 1j * count * standing)
     return result
 
 
@@ -274,10 +274,10 @@ def _dynamic(
     parts: _Parts, moving: ComplexArray, times_s: FloatArray, inertia_npm: float, omega_radps: float, count: float
 ) -> ComplexArray:
     """Return the tangent stiffness of a vibration, a cyclic block band of seven."""
-    lost = (omega_radps * times_s) @ parts.losses.reshape(3, -1)
+    loss = (omega_radps * times_s) @ parts.losses.reshape(3, -1)
     steady = parts.rest + (omega_radps * times_s @ parts.passing.reshape(3, -1)).reshape(parts.rest.shape)
     steady += inertia_npm * parts.inertia
-    dynamic: ComplexArray = steady - 1j * count * lost.reshape(steady.shape)
+    dynamic: ComplexArray = steady - 1j * count * loss.reshape(steady.shape)
     for axis in (0, 1):
         dynamic[:, :, axis, axis] += (inertia_npm * moving)[:, None]
     return dynamic
@@ -295,13 +295,13 @@ def _parts(belt: LoadedBelt) -> _Parts:
     def tangent(varied_law: BeltLaw) -> FloatArray:
         return belt.balance(varied_law).blocks
 
-    rest = belt.balance(law)
-    inertia = tangent(replace(law, mass_kgpm=1.0)) - rest.blocks
-    bending = tangent(replace(law, bending_nm2=2.0 * law.bending_nm2)) - rest.blocks
-    tension = tangent(replace(law, tension_width_m=2.0 * law.tension_width_m)) - rest.blocks
-    edges = length * edge_tread_npm2(law, rest.road, belt.traction)
-    sidewall, tread = np.zeros_like(rest.blocks), np.zeros_like(rest.blocks)
-    tread[_STENCIL, :, :2, :2] = length * rest.slopes.position[1] + edges
+    reference = belt.balance(law)
+    inertia = tangent(replace(law, mass_kgpm=1.0)) - reference.blocks
+    bending = tangent(replace(law, bending_nm2=2.0 * law.bending_nm2)) - reference.blocks
+    tension = tangent(replace(law, tension_width_m=2.0 * law.tension_width_m)) - reference.blocks
+    edges = length * edge_tread_npm2(law, reference.road, belt.traction)
+    sidewall, tread = np.zeros_like(reference.blocks), np.zeros_like(reference.blocks)
+    tread[_STENCIL, :, :2, :2] = length * reference.slopes.position[1] + edges
     passing = np.zeros((3, 2 * _REACH + 1, nodes, dof, dof))
     for damping, axis in (
         (belt.law.radial_damping_nspm2, grid.radial),
@@ -313,27 +313,27 @@ def _parts(belt: LoadedBelt) -> _Parts:
             passing[0, _REACH + offset, :, :2, :2] -= rate * outer(axis, neighbour)
     for offset, weight in _CENTRAL.items():
         # The belt bends in its own directions, which turn from node to node; the road stands still.
-        turn = np.eye(dof)
-        turn[:2, :2] = _turned(-offset * grid.step_rad)
+        rotation = np.eye(dof)
+        rotation[:2, :2] = _rotation(-offset * grid.step_rad)
         rate = weight / grid.step_rad
-        passing[1, 1 + offset : 6 + offset] += rate * bending @ turn
+        passing[1, 1 + offset : 6 + offset] += rate * bending @ rotation
     for offset, weight in zip(range(-_STENCIL, _STENCIL + 1), _FIRST, strict=True):
         passing[2, _REACH + offset] += weight / grid.step_rad * tread[_STENCIL]
-    wide = [_widened(blocks) for blocks in (rest.blocks, inertia, sidewall, bending, tread)]
-    wide[0][_REACH, :, :2, :2] += edges
+    bands = [_widened(blocks) for blocks in (reference.blocks, inertia, sidewall, bending, tread)]
+    bands[0][_REACH, :, :2, :2] += edges
     if dof == _PLANAR:
         # Second differences take q^2 h^2 / 12 from the tension's stiffness to a wave q, and twice that from bending's.
-        short = bending / 6.0 + tension / 12.0
+        correction = bending / 6.0 + tension / 12.0
         for offset, weight in _SECOND.items():
-            turn = _turned(-offset * grid.step_rad)
-            wide[0][1 + offset : 6 + offset] -= weight * short @ turn
-    losses = np.stack(wide[2:])
-    by_node = np.stack([wide[1], *losses, *passing]).transpose(2, 0, 3, 1, 4)
+            rotation = _rotation(-offset * grid.step_rad)
+            bands[0][1 + offset : 6 + offset] -= weight * correction @ rotation
+    losses = np.stack(bands[2:])
+    by_node = np.stack([bands[1], *losses, *passing]).transpose(2, 0, 3, 1, 4)
     acting = by_node.reshape(nodes, by_node.shape[1] * dof, -1)
-    return _Parts(wide[0], wide[1], losses, passing, acting, length * rest.road.force_npm)
+    return _Parts(bands[0], bands[1], losses, passing, acting, length * reference.road.force_npm)
 
 
-def _turned(angle_rad: float) -> FloatArray:
+def _rotation(angle_rad: float) -> FloatArray:
     """Return the rotation by an angle, (2, 2)."""
     cos, sin = math.cos(angle_rad), math.sin(angle_rad)
     return np.array([[cos, -sin], [sin, cos]])
@@ -346,11 +346,11 @@ def _widened(blocks: FloatArray) -> FloatArray:
     return result
 
 
-def _acting(acting: FloatArray, around: ComplexArray) -> ComplexArray:
+def _acting(acting: FloatArray, windows: ComplexArray) -> ComplexArray:
     """Return (k, N, d) what k parts of a belt do to a vector by its values around each node, (N, 7, d)."""
-    nodes, _, dof = around.shape
+    nodes, _, dof = windows.shape
     # Real and imaginary parts as two columns: the parts are real.
-    columns = around.reshape(nodes, -1, 1).view(np.float64)
+    columns = windows.reshape(nodes, -1, 1).view(np.float64)
     result: ComplexArray = np.ascontiguousarray(acting @ columns).view(np.complex128)
     return result.reshape(nodes, -1, dof).transpose(1, 0, 2)
 
@@ -369,9 +369,9 @@ def _moving(radius_m: float, grid: Grid, count: float) -> tuple[ComplexArray, Co
     length = radius_m * grid.step_rad
     weights = np.zeros(2 * _REACH + 1, dtype=np.complex128)
     by_count = np.zeros_like(weights)
-    near = slice(_REACH - _STENCIL, _REACH + _STENCIL + 1)
-    weights[near] = length * (2j * count / grid.step_rad * _FIRST + _FOURTH / (12.0 * grid.step_rad**2))
-    by_count[near] = length * (2j / grid.step_rad * _FIRST)
+    stencil = slice(_REACH - _STENCIL, _REACH + _STENCIL + 1)
+    weights[stencil] = length * (2j * count / grid.step_rad * _FIRST + _FOURTH / (12.0 * grid.step_rad**2))
+    by_count[stencil] = length * (2j / grid.step_rad * _FIRST)
     weights[_REACH] += length * count**2
     by_count[_REACH] += 2.0 * length * count
     return weights, by_count
@@ -415,12 +415,12 @@ class _Reading:
         neutral = belt.state[:, 0] + 1j * belt.state[:, 1]
         slope, _ = angle_derivatives(neutral)
         theta = ring_grid(len(neutral)).theta_rad
-        along = np.exp(1j * (theta + belt.state[:, 2])) if belt.law.dof == 3 else slope / np.abs(slope)
-        _, steady = angle_derivatives(neutral + 1j * offset_m * along)
+        axis = np.exp(1j * (theta + belt.state[:, 2])) if belt.law.dof == 3 else slope / np.abs(slope)
+        _, steady = angle_derivatives(neutral + 1j * offset_m * axis)
         # Of a complex vector's two parts, the real one along each axis is the product with its conjugate.
-        self._along, self._inward = along, 1j * along
-        self._steady_along, self._steady_inward = (steady * along.conj()).real, (steady * (1j * along).conj()).real
-        self._turn = slope / np.abs(slope) ** 2
+        self._travel, self._inward = axis, 1j * axis
+        self._steady_travel, self._steady_inward = (steady * axis.conj()).real, (steady * (1j * axis).conj()).real
+        self._turn_weight = slope / np.abs(slope) ** 2
         self._offset_m = offset_m
         self._order = np.fft.fftfreq(len(neutral), 1.0 / len(neutral))
 
@@ -428,19 +428,19 @@ class _Reading:
         """Return what it reads of vibrations (k, N, d), (k, 2, N), and the derivative by N of the first's reading."""
         x, y = vibrations[:, :, 0], vibrations[:, :, 1]
         if vibrations.shape[2] == 3:
-            turn = vibrations[:, :, 2]
+            rotation = vibrations[:, :, 2]
         else:
             rate_x, rate_y = (np.fft.ifft(1j * self._order * np.fft.fft(part)) for part in (x, y))
-            turn = self._turn.real * rate_y - self._turn.imag * rate_x
-        lever = self._offset_m * turn
-        passed = np.fft.fft(np.stack([x - lever * self._along.real, y - lever * self._along.imag], axis=1))
-        seen = self._order - count
-        read = self._project(np.fft.ifft(-(seen**2) * passed))
-        read[:, 0] -= self._steady_along * turn
-        read[:, 1] += self._steady_inward * turn
-        return read, self._project(np.fft.ifft(2.0 * seen * passed[:1]))[0]
+            rotation = self._turn_weight.real * rate_y - self._turn_weight.imag * rate_x
+        lever = self._offset_m * rotation
+        spectrum = np.fft.fft(np.stack([x - lever * self._travel.real, y - lever * self._travel.imag], axis=1))
+        sensor_order = self._order - count
+        readings = self._project(np.fft.ifft(-(sensor_order**2) * spectrum))
+        readings[:, 0] -= self._steady_travel * rotation
+        readings[:, 1] += self._steady_inward * rotation
+        return readings, self._project(np.fft.ifft(2.0 * sensor_order * spectrum[:1]))[0]
 
     def _project(self, vectors: ComplexArray) -> ComplexArray:
         """Return the inward part and that along the belt of vectors (k, 2, N), likewise."""
         x, y = vectors[:, 0], vectors[:, 1]
-        return np.stack([x * axis.real + y * axis.imag for axis in (self._inward, self._along)], axis=1)
+        return np.stack([x * axis.real + y * axis.imag for axis in (self._inward, self._travel)], axis=1)

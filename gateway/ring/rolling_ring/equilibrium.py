@@ -219,8 +219,8 @@ def solve_rolling_ring(
     grid = ring_grid(nodes)
     equilibrium = None if near is None else near.equilibrium_of(law, grid)
     if equilibrium is None:
-        warm = resting_state(law, grid) if start is None else _warm(law, grid, start)
-        equilibrium = find_equilibrium(law, grid, warm)
+        initial_state = resting_state(law, grid) if start is None else _warm_state(law, grid, start)
+        equilibrium = find_equilibrium(law, grid, initial_state)
     return _solutions([ring], [law], grid, [equilibrium], sensor_offset_m)[0]
 
 
@@ -245,7 +245,7 @@ class RingTangent:
         self._conditions = solution.load_n, solution.pressure_pa, solution.omega_radps, nodes
         self._drum_radius_m, self._axle_torque_nm = drum_radius_m, axle_torque_nm
         law = _law(solution.ring, *self._conditions, drum_radius_m, axle_torque_nm)
-        self._equilibrium = _warm(law, self._grid, solution)
+        self._equilibrium = _warm_state(law, self._grid, solution)
         state, height_m, traction, _ = self._equilibrium
         balance = belt_balance(law, self._grid, state, height_m, traction)
         self._imbalance = balance.residual, balance.border
@@ -322,7 +322,7 @@ def loaded_belt(solution: RingSolution, drum_radius_m: float = math.inf) -> Load
     nodes = len(solution.theta_rad)
     # Torque and load are met by the solution; the vibration is at a fixed height of the axle.
     law = _law(ring, solution.load_n, solution.pressure_pa, solution.omega_radps, nodes, drum_radius_m, None)
-    equilibrium = _warm(law, ring_grid(nodes), solution)
+    equilibrium = _warm_state(law, ring_grid(nodes), solution)
     return LoadedBelt(law, equilibrium.state, equilibrium.height_m, -solution.longitudinal_force_n / solution.load_n)
 
 
@@ -396,7 +396,7 @@ def _on_grid(ring: RingParameters, bending_nm2: float, nodes: int) -> float:
     return 1.0 / (1.0 / ring.shear_stiffness_n + (math.pi * ring.radius_m / nodes) ** 2 / bending_nm2)
 
 
-def _warm(law: BeltLaw, grid: Grid, start: RingSolution) -> NewtonState:
+def _warm_state(law: BeltLaw, grid: Grid, start: RingSolution) -> NewtonState:
     """Return the solution `start` as a Newton state for this law."""
     if len(start.theta_rad) != len(grid.theta_rad):
         raise ValueError(f"start has {len(start.theta_rad)} nodes, this solve {len(grid.theta_rad)}")
@@ -465,22 +465,22 @@ def _section(ring: RingParameters, law: BeltLaw, grid: Grid, equilibrium: Newton
     """Return the direction of the belt's section and its curvature, (N,) each."""
     position, theta = equilibrium.state[:, :2], grid.theta_rad
     if law.dof == 3:
-        turn = equilibrium.state[:, 2]
-        section = theta + turn
+        rotation = equilibrium.state[:, 2]
+        section = theta + rotation
         # Use only the belt's share of the section's turn from the tangent; the rest is the grid's.
         share = law.shear_n / ring.shear_stiffness_n
         section = section - (1.0 - share) * _turn_from_tangent(position, section)
-        return section, (1.0 + (following(turn) - preceding(turn)) / (2.0 * grid.step_rad)) / law.radius_m
-    turn = segment_turn(grid, following(position) - position)
-    before = preceding(turn)
-    return theta + 0.5 * (turn + before), (1.0 + (turn - before) / grid.step_rad) / law.radius_m
+        return section, (1.0 + (following(rotation) - preceding(rotation)) / (2.0 * grid.step_rad)) / law.radius_m
+    rotation = segment_turn(grid, following(position) - position)
+    previous = preceding(rotation)
+    return theta + 0.5 * (rotation + previous), (1.0 + (rotation - previous) / grid.step_rad) / law.radius_m
 
 
 def _turn_from_tangent(position_m: FloatArray, section_rad: FloatArray) -> FloatArray:
     """Return (N,) the angle of the section's direction from the tangent of the belt."""
     slope, _ = angle_derivatives(position_m[:, 0] + 1j * position_m[:, 1])
-    turn: FloatArray = np.angle(np.exp(1j * section_rad) / slope)
-    return turn
+    angle: FloatArray = np.angle(np.exp(1j * section_rad) / slope)
+    return angle
 
 
 def _edges(theta: FloatArray, unclipped: FloatArray) -> tuple[float, float]:
@@ -495,7 +495,7 @@ def _edges(theta: FloatArray, unclipped: FloatArray) -> tuple[float, float]:
 
 def _zero(values: FloatArray) -> float:
     """Return the zero, between 0 and 1, of the cubic through values at -1, 0, 1, 2; the value at 0 is positive."""
-    before, origin, after, beyond = (float(value) for value in values)
+    before, origin, after, next_after = (float(value) for value in values)
     low, high = 0.0, 1.0
     for _ in range(40):
         x = 0.5 * (low + high)
@@ -503,7 +503,7 @@ def _zero(values: FloatArray) -> float:
             -before * x * (x - 1.0) * (x - 2.0) / 6.0
             + origin * (x + 1.0) * (x - 1.0) * (x - 2.0) / 2.0
             - after * (x + 1.0) * x * (x - 2.0) / 2.0
-            + beyond * (x + 1.0) * x * (x - 1.0) / 6.0
+            + next_after * (x + 1.0) * x * (x - 1.0) / 6.0
         )
         low, high = (x, high) if value > 0.0 else (low, x)
     return 0.5 * (low + high)

@@ -105,12 +105,12 @@ def ring_grid(nodes: int) -> Grid:
     step = 2.0 * math.pi / nodes
     theta: FloatArray = -math.pi + step * np.arange(nodes, dtype=np.float64)
     radial = np.stack([np.sin(theta), -np.cos(theta)], axis=1)
-    along = np.stack([np.cos(theta), np.sin(theta)], axis=1)
+    tangent = np.stack([np.cos(theta), np.sin(theta)], axis=1)
     chord = np.stack([np.cos(theta + step / 2), np.sin(theta + step / 2)], axis=1)
     outward = plane(radial)
-    for shared in (theta, radial, along, chord, outward):
-        shared.setflags(write=False)
-    return Grid(step, theta, radial, along, chord, outward)
+    for array in (theta, radial, tangent, chord, outward):
+        array.setflags(write=False)
+    return Grid(step, theta, radial, tangent, chord, outward)
 
 
 def plane(vectors: FloatArray) -> ComplexArray:
@@ -213,8 +213,8 @@ def road_force(law: BeltLaw, grid: Grid, position: FloatArray, height_m: float, 
 def _flat(nodes: int) -> tuple[FloatArray, FloatArray]:
     """Return normal (N, 2) and curvature (N,) of a flat road."""
     normal, spread = np.tile([0.0, 1.0], (nodes, 1)), np.zeros(nodes)
-    for shared in (normal, spread):
-        shared.setflags(write=False)
+    for array in (normal, spread):
+        array.setflags(write=False)
     return normal, spread
 
 
@@ -227,24 +227,24 @@ def road_slopes(law: BeltLaw, grid: Grid, road: RoadForce, traction: float) -> R
     """Return the derivatives of the road's push; arguments as for `road_force`."""
     nodes, normal = len(road.normal), road.normal
     contact = np.flatnonzero(road.unclipped_npm > 0.0)
-    along = normal @ QUARTER_TURN.T
-    direction = normal + traction * along
+    tangent = normal @ QUARTER_TURN.T
+    direction = normal + traction * tangent
     d_position, d_height = np.zeros((3, nodes, 2, 2)), np.zeros((nodes, 2))
-    pushed, towards = direction[contact], normal[contact]
-    by_position = -law.tread_npm2 * outer(pushed, towards)
+    push_direction, contact_normal = direction[contact], normal[contact]
+    by_position = -law.tread_npm2 * outer(push_direction, contact_normal)
     if road.spread_pm.any():
         # d normal / d position is (I - n n^T) / distance: zero on a flat road.
-        turn = np.eye(2) + traction * QUARTER_TURN
+        traction_map = np.eye(2) + traction * QUARTER_TURN
         spread = (road.pressure_npm * road.spread_pm)[contact, None, None]
-        by_position += turn @ ((np.eye(2) - outer(towards, towards)) * spread)
+        by_position += traction_map @ ((np.eye(2) - outer(contact_normal, contact_normal)) * spread)
     d_position[1, contact] = by_position
     d_height[contact] = by_position[:, :, 1]
     if rate := _tread_rate(law, grid):
         before, after = preceding(normal)[contact], following(normal)[contact]
-        d_position[0, contact] = rate * outer(pushed, before)
-        d_position[2, contact] = -rate * outer(pushed, after)
-        d_height[contact] -= rate * pushed * (after - before)[:, 1:]
-    return RoadSlopes(d_position, d_height, road.pressure_npm[:, None] * along)
+        d_position[0, contact] = rate * outer(push_direction, before)
+        d_position[2, contact] = -rate * outer(push_direction, after)
+        d_height[contact] -= rate * push_direction * (after - before)[:, 1:]
+    return RoadSlopes(d_position, d_height, road.pressure_npm[:, None] * tangent)
 
 
 def edge_tread_npm2(law: BeltLaw, road: RoadForce, traction: float) -> FloatArray:
@@ -276,15 +276,15 @@ class Segments(NamedTuple):
 
     def tension_after_n(self, change: FloatArray) -> FloatArray:
         """Return the tension (N,) after a change of the nodes' positions (N, 2), to first order."""
-        along = plane(change)
-        stretch = (self.tangent.conj() * (following(along) - along)).real
+        displacement = plane(change)
+        stretch = (self.tangent.conj() * (following(displacement) - displacement)).real
         tension_n: FloatArray = self.tension_n + self.stiffness_npm * stretch
         return tension_n
 
     def beyond_n(self, held: Held) -> FloatArray:
         """Return the tension (N,) beyond a held one, of the same stretch in segments as stiff as those nearby."""
-        beyond_n: FloatArray = (held.near.stiffness_npm / self.stiffness_npm) * (self.tension_n - held.tension_n)
-        return beyond_n
+        excess_n: FloatArray = (held.near.stiffness_npm / self.stiffness_npm) * (self.tension_n - held.tension_n)
+        return excess_n
 
 
 class Balance(NamedTuple):
@@ -367,8 +367,8 @@ def imbalance(
     """
     road = road_force(law, grid, state[:, :2], height_m, traction)
     residual, segments = _belt_residual(law, grid, state, road, held=held)
-    beyond = segments.beyond_n(held) if held is not None else np.zeros(len(state))
-    return residual, _border_residual(law, grid, state[:, :2], road), beyond
+    excess_n = segments.beyond_n(held) if held is not None else np.zeros(len(state))
+    return residual, _border_residual(law, grid, state[:, :2], road), excess_n
 
 
 def _belt_residual(
@@ -394,8 +394,8 @@ def _belt_residual(
 def segment_turn(grid: Grid, along: FloatArray) -> FloatArray:
     """Return (N,) the angle of each segment's direction `along` (N, 2) from its resting direction."""
     cross = grid.chord[:, 0] * along[:, 1] - grid.chord[:, 1] * along[:, 0]
-    turn: FloatArray = np.arctan2(cross, grid.chord[:, 0] * along[:, 0] + grid.chord[:, 1] * along[:, 1])
-    return turn
+    angle: FloatArray = np.arctan2(cross, grid.chord[:, 0] * along[:, 0] + grid.chord[:, 1] * along[:, 1])
+    return angle
 
 
 def _belt_force(
@@ -410,41 +410,41 @@ def _belt_force(
 ) -> tuple[ComplexArray, Segments]:
     """Return F_i - F_(i-1), F = N t + V n by tension, bending and shear, (N,); add the moments to the residual."""
     h, radius = grid.step_rad, law.radius_m
-    rest = 2.0 * radius * math.sin(h / 2)
+    chord = 2.0 * radius * math.sin(h / 2)
     span = following(position) - position
     length = np.abs(span)
-    tension = stretched_tension_n(law, grid, length / rest - 1.0)
-    along = span / length
-    turn = segment_turn(grid, _vectors(span))
+    tension = stretched_tension_n(law, grid, length / chord - 1.0)
+    direction = span / length
+    angle = segment_turn(grid, _vectors(span))
     stiffness = law.bending_nm2 / (radius * h)
     # Of a quantity that passes with the belt: its rate over its size, by central differences.
     rate = law.bending_damping_nm2s / law.bending_nm2 * law.omega_radps / (2.0 * h)
     if law.dof == 2:
-        moment = stiffness * (turn - preceding(turn))
+        moment = stiffness * (angle - preceding(angle))
         if rate:
             moment = moment + rate * (following(moment) - preceding(moment))
         shear = (moment - following(moment)) / length
         shear_slope = 2.0 * stiffness / length
     else:
         section = state[:, 2]
-        slip = turn - 0.5 * (section + following(section))
-        shear = law.shear_n * rest * slip / length
-        shear_slope = law.shear_n * rest / length
-        couple = law.shear_n * rest * slip
+        slip = angle - 0.5 * (section + following(section))
+        shear = law.shear_n * chord * slip / length
+        shear_slope = law.shear_n * chord / length
+        couple = law.shear_n * chord * slip
         bending = stiffness * (following(section) - section)
         if rate:
             bending = bending + rate * (following(bending) - preceding(bending))
         residual[:, 2] += bending - preceding(bending) + 0.5 * (couple + preceding(couple))
-    segments = Segments(tension, along, law.extension_n / rest)
+    segments = Segments(tension, direction, law.extension_n / chord)
     if held is None:
-        force = (tension + 1j * shear) * along
+        force = (tension + 1j * shear) * direction
     else:
-        force = (held.tension_n + 1j * shear) * along + segments.beyond_n(held) * held.near.tangent
+        force = (held.tension_n + 1j * shear) * direction + segments.beyond_n(held) * held.near.tangent
     total = force - preceding(force)
     if blocks is None:
         return total, segments
     turning = tension if turning_n is None else turning_n
-    tangent, normal = _vectors(along), _vectors(1j * along)
+    tangent, normal = _vectors(direction), _vectors(1j * direction)
     turn_by = normal / length[:, None]  # derivative of a segment's turn by its span
     segment_block = (
         segments.stiffness_npm * outer(tangent, tangent)
@@ -461,18 +461,18 @@ def _belt_force(
         for offset, slope in by_turn.items():
             _add_by_span(blocks, offset, outer((slope / length)[:, None] * normal, np.roll(turn_by, -offset, axis=0)))
         return total, segments
-    by_span = 0.5 * law.shear_n * rest * turn_by
+    by_span = 0.5 * law.shear_n * chord * turn_by
     blocks[3, :, 2, :2] += by_span
     blocks[2, :, 2, :2] += preceding(by_span) - by_span
     blocks[1, :, 2, :2] -= preceding(by_span)
-    quarter = 0.25 * law.shear_n * rest
+    quarter = 0.25 * law.shear_n * chord
     # The rate of the couples' difference is that of the sections' second difference, over two nodes each way.
     blocks[4, :, 2, 2] += stiffness * rate
     blocks[3, :, 2, 2] += stiffness - quarter - 2.0 * stiffness * rate
     blocks[2, :, 2, 2] -= 2.0 * (stiffness + quarter)
     blocks[1, :, 2, 2] += stiffness - quarter + 2.0 * stiffness * rate
     blocks[0, :, 2, 2] -= stiffness * rate
-    by_section = -0.5 * (law.shear_n * rest / length)[:, None] * normal  # F_i by the section of node i and of i + 1
+    by_section = -0.5 * (law.shear_n * chord / length)[:, None] * normal  # F_i by the section of node i and of i + 1
     blocks[3, :, :2, 2] += by_section
     blocks[2, :, :2, 2] += by_section - preceding(by_section)
     blocks[1, :, :2, 2] -= preceding(by_section)
@@ -486,8 +486,8 @@ def belt_tension_n(law: BeltLaw, grid: Grid, state: FloatArray) -> FloatArray:
 
 def belt_stretch(radius_m: float, state: FloatArray) -> FloatArray:
     """Return the elongation (N,) of each segment over its length at rest."""
-    position, rest = plane(state), 2.0 * radius_m * math.sin(math.pi / len(state))
-    stretch: FloatArray = np.abs(following(position) - position) / rest - 1.0
+    position, chord = plane(state), 2.0 * radius_m * math.sin(math.pi / len(state))
+    stretch: FloatArray = np.abs(following(position) - position) / chord - 1.0
     return stretch
 
 
@@ -501,7 +501,7 @@ def stretched_tension_n(law: BeltLaw, grid: Grid, stretch: FloatArray) -> FloatA
     return result
 
 
-def _around(blocks: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _central_blocks(blocks: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the views of the derivatives by the positions of the previous, this and the next node, (N, 2, 2) each."""
     centre = len(blocks) // 2
     return blocks[centre - 1, :, :2, :2], blocks[centre, :, :2, :2], blocks[centre + 1, :, :2, :2]
@@ -511,23 +511,23 @@ def _add_by_span(blocks: FloatArray, offset: int, slope: FloatArray) -> None:
     """Add what F_i - F_(i-1) gains when F_i changes by slope (N, 2, 2) times span_(i+o) = X_(i+o+1) - X_(i+o)."""
     flat = blocks[:, :, :2, :2]
     index = len(blocks) // 2 + offset
-    before = preceding(slope)
+    previous = preceding(slope)
     flat[index + 1] += slope
-    flat[index] -= slope + before
-    flat[index - 1] += before
+    flat[index] -= slope + previous
+    flat[index - 1] += previous
 
 
 def _pressure_and_inertia(law: BeltLaw, grid: Grid, position: ComplexArray, blocks: FloatArray | None) -> ComplexArray:
     """Return the pressure, which follows the belt's normal, minus the belt's transport inertia, (N,)."""
-    ahead, behind = following(position), preceding(position)
+    subsequent, previous = following(position), preceding(position)
     push = 0.5 * law.pressure_pa * law.tension_width_m
     inertia = law.mass_kgpm * law.radius_m * law.omega_radps**2 / grid.step_rad
     if blocks is not None:
-        before, centre, after = _around(blocks)
+        before, centre, after = _central_blocks(blocks)
         after += push * QUARTER_TURN - inertia * np.eye(2)
         centre += 2.0 * inertia * np.eye(2)
         before -= push * QUARTER_TURN + inertia * np.eye(2)
-    result: ComplexArray = (-1j * push) * (ahead - behind) - inertia * (ahead - 2.0 * position + behind)
+    result: ComplexArray = (-1j * push) * (subsequent - previous) - inertia * (subsequent - 2.0 * position + previous)
     return result
 
 
@@ -548,7 +548,7 @@ def _sidewall_pull(law: BeltLaw, grid: Grid, position: ComplexArray, blocks: Flo
         pulls.append(pull)
         if blocks is None:
             continue
-        before, centre, after = _around(blocks)
+        before, centre, after = _central_blocks(blocks)
         centre -= length * (stiffness * (1.0 + 2.0 * growth))[:, None, None] * outer(axis, axis)
         if rate:
             after -= length * rate * outer(axis, following(axis))
@@ -592,11 +592,11 @@ def _border(
     corner = np.zeros((size, size))
     for k, weight in enumerate(weights):
         for offset in (-1, 0, 1):
-            pulled = np.einsum("ia,iab->ib", weight, slopes.position[offset + 1])
+            weighted_push = np.einsum("ia,iab->ib", weight, slopes.position[offset + 1])
             if offset == 0:
-                rows[k, :, :2] += length * pulled
+                rows[k, :, :2] += length * weighted_push
             else:
-                rows[k, :, :2] += length * (preceding(pulled) if offset > 0 else following(pulled))
+                rows[k, :, :2] += length * (preceding(weighted_push) if offset > 0 else following(weighted_push))
         corner[k, 0] = np.einsum("ia,ia->", weight, by_height)
         if size == 2:
             corner[k, 1] = np.einsum("ia,ia->", weight, by_traction)

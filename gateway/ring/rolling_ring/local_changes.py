@@ -146,31 +146,31 @@ def _steady(belt: LoadedBelt) -> dict[Change, FloatArray]:
     length = law.radius_m * step
     stiffness = law.bending_nm2 / length
     if law.dof == 2:
-        turn = segment_turn(grid, following(position) - position)
-        moment = stiffness * (turn - preceding(turn))
+        angle = segment_turn(grid, following(position) - position)
+        moment = stiffness * (angle - preceding(angle))
     else:
         moment = stiffness * (following(belt.state[:, 2]) - belt.state[:, 2])
     kink = np.full(len(position), -law.bending_nm2 / law.radius_m)
     inertia = -(law.mass_kgpm * law.radius_m / step) * (following(position) - 2.0 * position + preceding(position))
-    out = position - law.radius_m * grid.radial
+    displacement = position - law.radius_m * grid.radial
     pull = np.zeros_like(position)
-    for stiff, axis in ((law.radial_npm2, grid.radial), (law.tangential_npm2, grid.along)):
-        deflection = np.einsum("ia,ia->i", out, axis)
-        pull -= (length * stiff * deflection * (1.0 + law.stiffening_pm * np.abs(deflection)))[:, None] * axis
+    for stiffness_npm2, axis in ((law.radial_npm2, grid.radial), (law.tangential_npm2, grid.along)):
+        deflection = np.einsum("ia,ia->i", displacement, axis)
+        pull -= (length * stiffness_npm2 * deflection * (1.0 + law.stiffening_pm * np.abs(deflection)))[:, None] * axis
     balance = belt.balance(law)
     road = balance.road
     edges_npm2 = edge_tread_npm2(law, road, belt.traction)
     by_height = balance.slopes.height + edges_npm2[:, :, 1]
     push = road.pressure_npm[:, None]
     touching = push > 0.0
-    towards = np.where(touching, law.tread_npm2 * road.force_npm / np.where(touching, push, 1.0), 0.0)
-    towards -= np.einsum("iab,ib->ia", edges_npm2, road.normal)
+    by_approach = np.where(touching, law.tread_npm2 * road.force_npm / np.where(touching, push, 1.0), 0.0)
+    by_approach -= np.einsum("iab,ib->ia", edges_npm2, road.normal)
     return {
         Change.BENDING: moment,
         Change.KINK: kink,
         Change.MASS: inertia,
         Change.SIDEWALL: pull,
-        Change.TREAD: length * towards,
+        Change.TREAD: length * by_approach,
         Change.TREAD_STIFFNESS: length * road.force_npm,
         Change.RIM: length * by_height,
         Change.RUN_OUT: -length * by_height,

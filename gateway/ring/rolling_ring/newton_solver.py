@@ -35,11 +35,11 @@ _ALTERNATING: Final = 15
 _MAX_HALVINGS: Final = 5
 # Steps by secants begin within the first share of R, each is at most the second of the one before, and they end where
 # the next one would be below the third.
-_NEAR: Final = 3e-3
+_SECANT_RANGE: Final = 3e-3
 _FIRST_SECANT: Final = 2e-2
 _SLOWEST_FALL: Final = 0.3
 _REACHED: Final = 1e-12
-_MOST_SECANTS: Final = 8
+_MAX_SECANTS: Final = 8
 
 
 class NewtonState(NamedTuple):
@@ -76,8 +76,8 @@ def find_equilibrium(law: BeltLaw, grid: Grid, start: NewtonState, depth: int = 
             raise RingNotConvergedError(
                 f"no equilibrium of the ring at {law.load_n:.0f} N and {law.pressure_pa:.0f} Pa: {error}"
             ) from error
-    light = find_equilibrium(replace(law, load_n=0.5 * law.load_n), grid, resting_state(law, grid), depth + 1)
-    return _newton(law, grid, light)
+    half_loaded = find_equilibrium(replace(law, load_n=0.5 * law.load_n), grid, resting_state(law, grid), depth + 1)
+    return _newton(law, grid, half_loaded)
 
 
 def _newton(law: BeltLaw, grid: Grid, start: NewtonState) -> NewtonState:
@@ -88,7 +88,7 @@ def _newton(law: BeltLaw, grid: Grid, start: NewtonState) -> NewtonState:
     """
     tension = None
     state, height, traction = start.state, start.height_m, start.traction
-    share, before, fast = 1.0, math.inf, True
+    share, last_size, tries_secants = 1.0, math.inf, True
     for iteration in range(1, _MAX_ITERATIONS + 1):
         balance = belt_balance(law, grid, state, height, traction, tension)
         tangent = Tangent(balance)
@@ -98,22 +98,22 @@ def _newton(law: BeltLaw, grid: Grid, start: NewtonState) -> NewtonState:
         if not math.isfinite(size):
             raise RingNotConvergedError("the iteration diverged")
         if iteration > _ALTERNATING:
-            share = 0.5 if size > before else min(1.0, 1.3 * share)
-        before = size
+            share = 0.5 if size > last_size else min(1.0, 1.3 * share)
+        last_size = size
         damp = share * min(1.0, _STEP_LIMIT_M / size) if size > 0.0 else 1.0
         state = state + damp * change
         tension = balance.segments.tension_after_n(damp * change[:, :2])
         height += damp * float(border[0])
         if len(border) == 2:
             traction += damp * float(border[1])
-        there = NewtonState(state, height, traction, start.iterations + iteration)
-        if size < _TOLERANCE * law.radius_m and _same_contact(law, grid, balance, there):
-            return there
-        if fast and size < _NEAR * law.radius_m:
-            end = by_secants(law, grid, there, tangent, tension)
+        trial = NewtonState(state, height, traction, start.iterations + iteration)
+        if size < _TOLERANCE * law.radius_m and _same_contact(law, grid, balance, trial):
+            return trial
+        if tries_secants and size < _SECANT_RANGE * law.radius_m:
+            end = by_secants(law, grid, trial, tangent, tension)
             if end is not None:
                 return end
-            fast = False
+            tries_secants = False
     raise RingNotConvergedError(f"still moving by {size:.1e} m after {_MAX_ITERATIONS} iterations")
 
 
@@ -136,28 +136,28 @@ def by_secants(
         return None
     if tension_n is None:
         tension_n = belt_tension_n(law, grid, start.state)
-    size_of_state = start.state.size
-    moving = size_of_state + tangent.borders
+    state_size = start.state.size
+    moving = state_size + tangent.borders
     unknowns = np.concatenate([start.state.reshape(-1), [start.height_m, start.traction][: tangent.borders], tension_n])
     steps: list[FloatArray] = []
-    before = _FIRST_SECANT * law.radius_m
+    last_size = _FIRST_SECANT * law.radius_m
 
     def solution(iterations: int) -> NewtonState:
-        borders = unknowns[size_of_state:moving].tolist()
+        borders = unknowns[state_size:moving].tolist()
         return NewtonState(
-            unknowns[:size_of_state].reshape(start.state.shape),
+            unknowns[:state_size].reshape(start.state.shape),
             borders[0],
             borders[1] if len(borders) == 2 else start.traction,
             start.iterations + iterations,
         )
 
-    for iteration in range(_MOST_SECANTS):
-        now = solution(iteration)
+    for iteration in range(_MAX_SECANTS):
+        current = solution(iteration)
         held = Held(unknowns[moving:], tangent.segments)
-        residual, border, beyond_n = imbalance(law, grid, now.state, now.height_m, now.traction, held)
+        residual, border, excess_n = imbalance(law, grid, current.state, current.height_m, current.traction, held)
         changes, borders = tangent(-residual[None], -border[None])
         by_stretch = tangent.segments.tension_after_n(changes[0, :, :2]) - tangent.segments.tension_n
-        step = np.concatenate([changes.reshape(-1), borders[0], beyond_n + by_stretch])
+        step = np.concatenate([changes.reshape(-1), borders[0], excess_n + by_stretch])
         # The tension follows the nodes: the secants are those of their movement.
         for first, second in pairwise(steps):
             step += second * float(first[:moving] @ step[:moving] / (first[:moving] @ first[:moving]))
@@ -165,20 +165,20 @@ def by_secants(
             last = steps[-1][:moving]
             step /= 1.0 - float(last @ step[:moving] / (last @ last))
         size = float(np.abs(step[:moving]).max())
-        if not size < _SLOWEST_FALL * before:
+        if not size < _SLOWEST_FALL * last_size:
             return None
         unknowns = unknowns + step
         # The next step is smaller than this one by more than this one is than that before.
-        if steps and size * size < _REACHED * law.radius_m * before:
+        if steps and size * size < _REACHED * law.radius_m * last_size:
             return solution(iteration + 1)
         steps.append(step)
-        before = size
+        last_size = size
     return None
 
 
-def _same_contact(law: BeltLaw, grid: Grid, balance: Balance, there: NewtonState) -> bool:
+def _same_contact(law: BeltLaw, grid: Grid, balance: Balance, trial: NewtonState) -> bool:
     """Return whether the nodes in contact are those of an earlier balance."""
-    push = road_force(law, grid, there.state[:, :2], there.height_m, there.traction).unclipped_npm
+    push = road_force(law, grid, trial.state[:, :2], trial.height_m, trial.traction).unclipped_npm
     return bool(np.array_equal(push > 0.0, balance.road.unclipped_npm > 0.0))
 
 
@@ -199,7 +199,7 @@ def first_order_changes(
         others: the laws.
     """
     state, height_m, traction, iterations = equilibrium
-    imbalances = [imbalance(other, grid, state, height_m, traction)[:2] for other in others]
+    imbalances = [imbalance(law, grid, state, height_m, traction)[:2] for law in others]
     changes, borders = tangent(
         np.stack([balance[0] - residual for residual, _ in imbalances]),
         np.stack([balance[1] - border for _, border in imbalances]),
@@ -275,8 +275,8 @@ class Tangent:
         if info != 0:
             raise FloatingPointError("the tangent stiffness of the ring is singular")
         self._rows = balance.rows.reshape(self.borders, -1)
-        self._carried = self._solved(balance.columns)
-        self._schur = balance.corner - self._rows @ self._carried.T
+        self._column_solution = self._solved(balance.columns)
+        self._schur = balance.corner - self._rows @ self._column_solution.T
 
     def _solved(self, sides: FloatArray) -> FloatArray:
         """Return A^-1 times sides (k, N, d), (k, N d)."""
@@ -299,7 +299,7 @@ class Tangent:
         Returns:
             x (k, N, d) and y (k, m).
         """
-        free = self._solved(right)
-        y = np.asarray(np.linalg.solve(self._schur, (below - free @ self._rows.T).T).T, dtype=np.float64)
-        x: FloatArray = free - y @ self._carried
+        unbordered = self._solved(right)
+        y = np.asarray(np.linalg.solve(self._schur, (below - unbordered @ self._rows.T).T).T, dtype=np.float64)
+        x: FloatArray = unbordered - y @ self._column_solution
         return x.reshape(-1, *self.shape), y

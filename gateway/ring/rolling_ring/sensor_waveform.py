@@ -36,8 +36,8 @@ class SensorWaveform(NamedTuple):
     ) -> tuple[FloatArray, FloatArray]:
         """Return (radial, circumferential) specific force in m/s^2 at every angle; gravity 0 leaves it out."""
         radial = omega_radps**2 * self.radial_m + gravity_mps2 * self.gravity_radial
-        along = omega_radps**2 * self.circumferential_m + gravity_mps2 * self.gravity_circumferential
-        return (radial + omega_dot_radps2 * self.spin_radial_m, along + omega_dot_radps2 * self.spin_circumferential_m)
+        travel = omega_radps**2 * self.circumferential_m + gravity_mps2 * self.gravity_circumferential
+        return (radial + omega_dot_radps2 * self.spin_radial_m, travel + omega_dot_radps2 * self.spin_circumferential_m)
 
 
 def angle_derivatives(values: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
@@ -86,16 +86,16 @@ def sensor_waveform(
     neutral = np.ascontiguousarray(position_m).view(np.complex128)[..., 0]
     first = _factors(neutral.shape[-1])[0]
     slope = np.fft.ifft(first * np.fft.fft(neutral))
-    along = slope / np.abs(slope) if section_rad is None else np.exp(1j * section_rad)
-    inward = 1j * along
+    tangent = slope / np.abs(slope) if section_rad is None else np.exp(1j * section_rad)
+    inward = 1j * tangent
     velocity, acceleration = angle_derivatives(neutral + sensor_offset_m * inward)
     # The axle moves towards -x: an angular acceleration adds -R domega/dt along x to every point of the belt.
     spin = velocity - radius_m
     return SensorWaveform(
         radial_m=(acceleration * inward.conj()).real,
-        circumferential_m=(acceleration * along.conj()).real,
+        circumferential_m=(acceleration * tangent.conj()).real,
         gravity_radial=inward.imag.copy(),
-        gravity_circumferential=along.imag.copy(),
+        gravity_circumferential=tangent.imag.copy(),
         spin_radial_m=(spin * inward.conj()).real,
-        spin_circumferential_m=(spin * along.conj()).real,
+        spin_circumferential_m=(spin * tangent.conj()).real,
     )

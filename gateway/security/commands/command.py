@@ -96,7 +96,7 @@ def time(source: str, key_file: Path | None, unsigned: bool) -> None:
     _send(source, SetTime(_clock.now_ns()), key_file, unsigned)
 
 
-def _send(uri: str, what: Command, key_file: Path | None, unsigned: bool) -> None:
+def _send(uri: str, hub_command: Command, key_file: Path | None, unsigned: bool) -> None:
     from gateway.core.links.source import Source, TwoWaySource, open_source
     from gateway.security.control_socket import SessionSource, session_of
     from gateway.security.hub_commands import execute
@@ -111,8 +111,8 @@ def _send(uri: str, what: Command, key_file: Path | None, unsigned: bool) -> Non
         if session is not None:
             opened = SessionSource(opened.link, session.connection, _clock)
         keys = command_keys(key_file)
-        done = execute(opened, what, _clock, keys=keys, may_be_unsigned=unsigned)
-        click.echo(f"hub {done.hub} executed the command{_signature(done, bool(keys))}{way}")
+        executed = execute(opened, hub_command, _clock, keys=keys, may_be_unsigned=unsigned)
+        click.echo(f"hub {executed.hub} executed the command{_signature(executed, bool(keys))}{way}")
     finally:
         opened.close()
 

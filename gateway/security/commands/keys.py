@@ -73,12 +73,12 @@ def import_(origin: str, path: Path | None, replace: bool) -> None:
         text = read_private(Path(origin), _MAX_INPUT_BYTES)
     if text is None:
         raise SecurityError(f"file '{origin}' does not exist", missing_path_remedy(Path(origin)))
-    taken = dict(parse_keys(text, "standard input" if origin == "-" else f"'{origin}'"))
+    imported = dict(parse_keys(text, "standard input" if origin == "-" else f"'{origin}'"))
     with key_file_to_change(_path(path)) as file:
-        changed = [name for name, key in taken.items() if name in file.keys and file.keys[name] != key]
-        file.add(taken, replace=replace)
+        changed = [name for name, key in imported.items() if name in file.keys and file.keys[name] != key]
+        file.add(imported, replace=replace)
         _save(file, changed)
-    click.echo(f"{len(taken)} key{'' if len(taken) == 1 else 's'} in {file.path}")
+    click.echo(f"{len(imported)} key{'' if len(imported) == 1 else 's'} in {file.path}")
 
 
 @keys.command("list")
@@ -96,8 +96,8 @@ def list_(path: Path | None) -> None:
     for name, key in sorted(file.keys.items()):
         check_value = key.check_value()
         boot_count = ledger.counter(name, check_value).boot_count
-        heard = f"last boot count {boot_count}" if boot_count >= 0 else "not heard yet"
-        click.echo(f"{'hub   ' if len(name) > 8 else 'sensor'} {name:16s}  check value {check_value}  {heard}")
+        last_boot = f"last boot count {boot_count}" if boot_count >= 0 else "not heard yet"
+        click.echo(f"{'hub   ' if len(name) > 8 else 'sensor'} {name:16s}  check value {check_value}  {last_boot}")
 
 
 @keys.command()

@@ -11,8 +11,8 @@ from gateway.core.clock import SystemClock
 from gateway.core.errors import SourceError
 
 
-def _print_list(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
-    if not wanted or ctx.resilient_parsing:
+def _print_list(ctx: click.Context, _: click.Parameter, is_requested: bool) -> None:
+    if not is_requested or ctx.resilient_parsing:
         return
     from gateway.simulator.link_faults import describe_faults
     from gateway.simulator.scenario import builtin_scenarios

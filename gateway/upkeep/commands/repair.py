@@ -34,12 +34,12 @@ def repair(recording: Path, out: Path | None, force: bool) -> None:
     from gateway.upkeep.repair import needs_repair, repair_recording
 
     with progress_bar(f"checking {recording.name}") as bar:
-        whole = not needs_repair(recording, _shown(bar))
+        whole = not needs_repair(recording, _show_share(bar))
     if whole and not force:
         click.echo(f"{clean(str(recording))} is finished and undamaged. There is nothing to repair.")
         return
     with progress_bar(f"repairing {recording.name}") as bar:
-        report = repair_recording(recording, out or _beside(recording, "repaired"), _shown(bar))
+        report = repair_recording(recording, out or _target_of(recording, "repaired"), _show_share(bar))
     for line in _report_lines(report):
         click.echo(clean(line))
 
@@ -71,9 +71,9 @@ def compact(recordings: tuple[Path, ...], out: Path | None, in_place: bool) -> N
     from gateway.upkeep.compact import compact_recording
 
     for recording in recordings:
-        target = _hidden_beside(recording) if in_place else out or _beside(recording, "compact")
+        target = _hidden_beside(recording) if in_place else out or _target_of(recording, "compact")
         with progress_bar(f"compacting {recording.name}") as bar:
-            report = compact_recording(recording, target, replace=in_place, progress=_shown(bar))
+            report = compact_recording(recording, target, replace=in_place, progress=_show_share(bar))
         share = 100.0 * report.bytes_after / max(report.bytes_before, 1)
         click.echo(
             clean(
@@ -89,7 +89,7 @@ def _pack(dataset: Path, target: Path) -> None:
     from gateway.fleet.packed_tables import pack_tables
 
     with progress_bar(f"packing {dataset.name}") as bar:
-        tables = pack_tables(dataset, target, _shown(bar))
+        tables = pack_tables(dataset, target, _show_share(bar))
     for table in tables:
         files = "1 file" if table.files == 1 else f"{table.files} files"
         click.echo(
@@ -144,9 +144,9 @@ def set_clock(recording: Path, ahead_s: float | None, out: Path | None) -> None:
             f"'{recording}' says nothing of another time: it has neither a receiver's nor a step of the system time",
             "Give the seconds to add: --ahead SECONDS.",
         )
-    target = out or _beside(recording, "dated")
+    target = out or _target_of(recording, "dated")
     with progress_bar(f"copying {recording.name}") as bar:
-        write_copy(recording, target, ahead_s, _shown(bar))
+        write_copy(recording, target, ahead_s, _show_share(bar))
     started = utc_text(start_ns + round(ahead_s * 1e9))
     click.echo(clean(f"{target}: begins {started}, {ahead_s:+.3f} s from {recording}"))
 
@@ -175,7 +175,7 @@ def _report_lines(report: RepairReport) -> Iterator[str]:
         yield "  the vehicle configuration in the recording is lost; give --config when replaying it"
 
 
-def _beside(recording: Path, word: str) -> Path:
+def _target_of(recording: Path, word: str) -> Path:
     target = recording.with_name(f"{recording.stem}.{word}{recording.suffix or '.mcap'}")
     if target.exists():
         raise RecordingError(f"'{target}' already exists", "Recordings are never overwritten. Remove it or give --out.")
@@ -190,6 +190,6 @@ def _hidden_beside(recording: Path) -> Path:
     return recording.with_name(f".{recording.name}.compacting")
 
 
-def _shown(bar: Bar) -> Callable[[int, int], None]:
+def _show_share(bar: Bar) -> Callable[[int, int], None]:
     """Return a function of (done, total) that shows their ratio."""
     return lambda done, total: bar.show(done / max(total, 1))
