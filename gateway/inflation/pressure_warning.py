@@ -14,7 +14,7 @@ from typing import Final
 from gateway.core.config.vehicle import VehicleConfig
 from gateway.core.constants import STANDARD_ATMOSPHERE_PA, ZERO_CELSIUS_K
 from gateway.core.estimates.results import Alarm, WheelSnapshot, WheelState
-from gateway.core.reasons import Reason
+from gateway.core.reasons import Reason, Value
 from gateway.core.trust.sensor_health import PRESSURE_FROZEN
 from gateway.inflation.placard import Placard, PlacardTable
 from gateway.inflation.reasons import InflationCode
@@ -23,7 +23,7 @@ LOW: Final = "low pressure"
 NOT_MONITORED: Final = "pressure not monitored"
 
 _REFERENCE_DEGC: Final = 20.0
-_SHARE: Final = 0.2
+_DEFICIT_SHARE: Final = 0.2
 _LEAST_PA: Final = 150e3
 # A tire whose own pressure is about the least one is not low.
 _LEAST_OF_WARM: Final = 0.9
@@ -31,14 +31,14 @@ _LEAST_OF_WARM: Final = 0.9
 _GAUGE_PA: Final = 3e3
 # A reading may be wrong: the pressure is low for so long, and no longer low above this share of the limit.
 _CONFIRMED_S: Final = 10.0
-_OVER: Final = 1.02
+_HYSTERESIS: Final = 1.02
 # Half of the time that the rule leaves.
 _MISSING_S: Final = 300.0
 # Driving time over which a fast loss is recognised: that within which a puncture must be warned of. A liner that warms
 # before the air in the tire feigns a fall of up to a twentieth.
-_WATCHED_S: Final = 600.0
-_APART_S: Final = 5.0
-_FAST: Final = 0.08
+_WINDOW_S: Final = 600.0
+_SPACING_S: Final = 5.0
+_FAST_FALL_SHARE: Final = 0.08
 # A wheel without results for longer stood still.
 _STANDING_S: Final = 5.0
 
@@ -79,26 +79,31 @@ class _WatchedTire:
     def _judge(self, wheel: WheelSnapshot, pressure_pa: float, at_s: float) -> None:
         degc = wheel.temperature_degc
         warm_pa = self.placard.warm_pa(wheel.load_n, degc, self.coldest_degc)
-        limit_pa = max((1.0 - _SHARE) * warm_pa, min(_LEAST_PA, _LEAST_OF_WARM * warm_pa)) + self.gauge_pa
+        limit_pa = max((1.0 - _DEFICIT_SHARE) * warm_pa, min(_LEAST_PA, _LEAST_OF_WARM * warm_pa)) + self.gauge_pa
         kelvin = ZERO_CELSIUS_K + (_REFERENCE_DEGC if degc is None else degc)
         cold_pa = (pressure_pa + STANDARD_ATMOSPHERE_PA) * (ZERO_CELSIUS_K + _REFERENCE_DEGC) / kelvin
         history = self.at_one_temperature_pa
-        while history and self.driven_s - history[0][0] > _WATCHED_S:
+        while history and self.driven_s - history[0][0] > _WINDOW_S:
             history.popleft()
         highest_at_s, highest_pa = max(history, key=lambda entry: entry[1], default=(self.driven_s, cold_pa))
-        if not history or self.driven_s - history[-1][0] >= _APART_S:
+        if not history or self.driven_s - history[-1][0] >= _SPACING_S:
             history.append((self.driven_s, cold_pa))
-        if pressure_pa > (limit_pa if self.low is None else _OVER * limit_pa):
+        if pressure_pa > (limit_pa if self.low is None else _HYSTERESIS * limit_pa):
             self.low_since_s = self.low = None
             return
         if self.low_since_s is None:
             self.low_since_s = at_s
         if at_s - self.low_since_s < _CONFIRMED_S:
             return
-        is_fast = highest_pa - cold_pa > _FAST * highest_pa
-        was_fast = self.low is not None and self.low["course"] == "fast"
-        if was_fast and not is_fast:
-            return
+        is_fast = highest_pa - cold_pa > _FAST_FALL_SHARE * highest_pa
+        course: dict[str, Value] = {
+            "course": "fast" if is_fast else "slow",
+            "fall_pa": highest_pa - cold_pa,
+            "span_s": self.driven_s - (highest_at_s if is_fast else history[0][0]),
+        }
+        if self.low is not None and self.low["course"] == "fast" and not is_fast:
+            # A puncture stays one after the time over which its fall is seen.
+            course = {name: self.low[name] for name in course}
         self.low = Reason(
             InflationCode.PRESSURE_BELOW_PLACARD,
             pressure_pa=pressure_pa,
@@ -107,9 +112,7 @@ class _WatchedTire:
             placard_pa=self.placard.cold_pa(wheel.load_n),
             at="unknown" if degc is None else "warm",
             temperature_degc=0.0 if degc is None else degc,
-            course="fast" if is_fast else "slow",
-            fall_pa=highest_pa - cold_pa,
-            span_s=self.driven_s - (highest_at_s if is_fast else history[0][0]),
+            **course,
         )
 
 

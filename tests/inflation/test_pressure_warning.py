@@ -66,6 +66,16 @@ def test_loss_of_a_fifth_is_a_fast_or_a_slow_one():
     assert (at_s, alarm.reason["course"]) == (10.0, "slow")
 
 
+def test_warning_of_a_puncture_has_the_present_pressure_for_as_long_as_it_lasts():
+    warning = PressureWarning({"FL": (Placard(250e3), 0.0)})
+    pressures_pa = [max(250e3 - 500.0 * second, 190e3 - 10.0 * second) for second in range(2000)]
+    for second, pressure_pa in enumerate(pressures_pa):
+        warning.take(wheel(pressure_pa, 20.0), float(second), is_current=True)
+    (alarm,) = warning.alarms()
+    assert (alarm.reason["course"], alarm.reason["pressure_pa"]) == ("fast", pressures_pa[-1])
+    assert alarm.reason["share"] == pytest.approx(1.0 - pressures_pa[-1] / 250e3)
+
+
 def test_a_single_low_reading_does_not_warn_and_a_refill_ends_the_warning():
     glitch = [wheel(150e3 if step % 30 == 7 else 250e3, 20.0) for step in range(200)]
     assert watch(Placard(250e3), glitch) == []
