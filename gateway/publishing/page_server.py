@@ -227,33 +227,33 @@ class PageSink(Sink):
     async def _take(self, page: _Page, message: str | bytes) -> None:
         """Carry out what a page asks for: what to show, a mark, alarms seen, units, the recording's start or end."""
         try:
-            asked: Any = json.loads(message)
-        except ValueError:
-            asked = None
-        if not isinstance(asked, dict):
+            request: Any = json.loads(message)
+        except (ValueError, RecursionError):
+            request = None
+        if not isinstance(request, dict):
             return
-        if isinstance(asked.get("wheel"), str):
-            page.wheel, page.waveform = asked["wheel"], None
-        if isinstance(asked.get("trend"), str):
-            page.trend, page.trend_due_s = asked["trend"], -math.inf
+        if isinstance(request.get("wheel"), str):
+            page.wheel, page.waveform = request["wheel"], None
+        if isinstance(request.get("trend"), str):
+            page.trend, page.trend_due_s = request["trend"], -math.inf
             page.trend_since_s = 0
-        if isinstance(asked.get("mark"), str):
-            text = clean(asked["mark"].strip())[:_LONGEST_MARK] or "mark"
-            mark, not_kept = Reason(LinkCode.MARK, text=text), (Reason(LinkCode.MARK_NOT_KEPT),)
-            unkept = reason_text(Reason(LinkCode.LINK_EVENT, event=mark, details=not_kept))
+        if isinstance(request.get("mark"), str):
+            text = clean(request["mark"].strip())[:_LONGEST_MARK] or "mark"
+            mark, details = Reason(LinkCode.MARK, text=text), (Reason(LinkCode.MARK_NOT_KEPT),)
+            failure = reason_text(Reason(LinkCode.LINK_EVENT, event=mark, details=details))
             await self._control(
-                page, lambda control: "" if control.mark(text) else unkept, f"mark set: {text}", self._marks
+                page, lambda control: "" if control.mark(text) else failure, f"mark set: {text}", self._marks
             )
-        if asked.get("acknowledge") is True:
+        if request.get("acknowledge") is True:
             await self._control(page, lambda control: control.acknowledge(), "alarms acknowledged", self._marks)
-        if asked.get("units") in list(ShownUnits):
-            units = ShownUnits(asked["units"])
+        if request.get("units") in list(ShownUnits):
+            units = ShownUnits(request["units"])
             await self._control(
                 page, lambda control: control.show_in(units), f"units: {UNIT_NAMES[units]}", self._marks
             )
-        if isinstance(asked.get("record"), bool):
-            is_start, asked_run = asked["record"], asked.get("run")
-            fields = asked_run.items() if isinstance(asked_run, dict) else ()
+        if isinstance(request.get("record"), bool):
+            is_start, run = request["record"], request.get("run")
+            fields = run.items() if isinstance(run, dict) else ()
             form = {str(name): clean(value) for name, value in fields if isinstance(value, str)}
             await self._control(
                 page,
@@ -278,8 +278,8 @@ class PageSink(Sink):
                 raise TreadlinkError(f"more than {pace.most} in {pace.within_s:g} s", "Wait a moment.")
             if control is None:
                 raise TreadlinkError("the session has not begun")
-            said = await asyncio.to_thread(call, control)
-            done = said or done
+            reply = await asyncio.to_thread(call, control)
+            done = reply or done
         except TreadlinkError as error:
             done = f"{error}. {error.remedy}" if error.remedy else str(error)
         page.replies.append(encoded({"type": "said", "text": clean(done)}))

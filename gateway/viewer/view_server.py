@@ -73,8 +73,8 @@ class ViewServer:
         self._recordings = recordings
         self._faults = [""] * len(recordings)
         self._stop = threading.Event()
-        self._turns = asyncio.Semaphore(_AT_ONCE)
-        self._reader = threading.Thread(target=self._read, name="reader of recordings", daemon=True)
+        self._slots = asyncio.Semaphore(_AT_ONCE)
+        self._reader = threading.Thread(target=self._read_recordings, name="reader of recordings", daemon=True)
 
     def start(self) -> None:
         """Start serving and reading."""
@@ -88,7 +88,7 @@ class ViewServer:
         self._server.close()
         self._reader.join()
 
-    def _read(self) -> None:
+    def _read_recordings(self) -> None:
         for work in (RecordingView.glance, lambda view: view.complete(self._stop.is_set)):
             for number, view in enumerate(self._recordings):
                 if self._stop.is_set() or self._faults[number]:
@@ -96,14 +96,14 @@ class ViewServer:
                 try:
                     work(view)
                 except TreadlinkError as error:
-                    self._faults[number] = _said(error)
+                    self._faults[number] = _error_text(error)
                 except Exception as error:
                     _logger.exception("reading %s failed", view.path)
                     self._faults[number] = f"reading it failed: {error}"
 
     async def _talk(self, connection: ServerConnection) -> None:
         async for message in connection:
-            async with self._turns:
+            async with self._slots:
                 reply = await asyncio.to_thread(self._reply, message)
             await connection.send(reply, text=True)
 
@@ -123,12 +123,12 @@ class ViewServer:
                 "orders": self._orders,
             }
             return encoded({"id": number, **answers[question["ask"]](question)})
-        except (ValueError, TypeError, KeyError, IndexError, OverflowError) as error:
+        except (ValueError, TypeError, KeyError, IndexError, OverflowError, RecursionError) as error:
             _logger.debug("invalid question of a page: %r", error)
             answered = number if isinstance(number, int) else 0
             return encoded({"id": answered, "error": "The question of the page is not valid."})
         except TreadlinkError as error:
-            return encoded({"id": number, "error": _said(error)})
+            return encoded({"id": number, "error": _error_text(error)})
 
     def _view(self, question: Mapping[str, Any]) -> RecordingView:
         number = question["recording"]
@@ -160,7 +160,7 @@ class ViewServer:
     def _samples(self, question: Mapping[str, Any]) -> dict[str, Any]:
         """Return the samples of all wheels and axes in a part."""
         columns = min(max(int(question["columns"]), 2), _MAX_COLUMNS)
-        shown = self._view(question).samples(*_part(question), columns)
+        envelopes = self._view(question).samples(*_part(question), columns)
         return {
             "wheels": {
                 clean(wheel): {
@@ -173,7 +173,7 @@ class ViewServer:
                         if lost
                     ],
                 }
-                for wheel, envelope in shown.items()
+                for wheel, envelope in envelopes.items()
             }
         }
 
@@ -191,10 +191,10 @@ class ViewServer:
             time_s = known_s
         elif not math.isfinite(time_s):
             raise ValueError("no time")
-        shown = view.revolution(wheel, time_s)
-        if shown is None:
+        located = view.revolution(wheel, time_s)
+        if located is None:
             return {"revolution": None}
-        result, end_s, number = shown
+        result, end_s, number = located
         revolution = result.revolution
         count = revolution.axes_mps2.shape[1]
         return {
@@ -244,5 +244,5 @@ def _numbers(values: FloatArray) -> list[float | None]:
     return [value if math.isfinite(value) else None for value in rounded.tolist()]
 
 
-def _said(error: TreadlinkError) -> str:
+def _error_text(error: TreadlinkError) -> str:
     return clean(f"{error}. {error.remedy}" if error.remedy else str(error))

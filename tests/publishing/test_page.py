@@ -260,7 +260,7 @@ def test_mark_and_recording_reach_the_session_and_failures_the_page(served, item
         served.session.failure = RecordingError("the disk is full", "Free some space.")
         connection.send(json.dumps({"record": True}))
         assert next_of(connection, "said")["text"] == "the disk is full. Free some space."
-        for rubbish in ("{", "[1]", '{"mark": 1, "record": "x", "wheel": [], "trend": null}', "null"):
+        for rubbish in ("{", "[" * 4096, "[1]", '{"mark": 1, "record": "x", "wheel": [], "trend": null}', "null"):
             connection.send(rubbish)
         connection.send(json.dumps({"mark": "x" * 999}))
         assert len(next_of(connection, "said")["text"]) < 250

@@ -298,8 +298,9 @@ def test_page_asks_and_nonsense_is_refused(recorded) -> None:
                 "no revolution 999999"
                 in answer(connection, ask="revolution", recording=0, wheel="W0", number=999999)["error"]
             )
-            connection.send("{")
-            assert json.loads(connection.recv(TIMEOUT_S)) == {"id": 0, **refused}
+            for rubbish in ("{", "[" * 4096):
+                connection.send(rubbish)
+                assert json.loads(connection.recv(TIMEOUT_S)) == {"id": 0, **refused}
 
 
 def test_wider_page_needs_its_token(recorded) -> None:

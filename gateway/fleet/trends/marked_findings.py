@@ -99,7 +99,7 @@ def read_marks(dataset: Path) -> dict[str, FindingMark]:
         }
     except FileNotFoundError:
         return {}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise ConfigError(f"{path} cannot be read: {error}", "Correct or remove it.") from error
 
 
@@ -118,8 +118,8 @@ def set_marks(dataset: Path, trends: FleetTrends, texts: Sequence[str]) -> dict[
     marks = read_marks(dataset)
     findings = {finding_key(tire, finding): finding for tire in trends.tires for finding in tire.findings}
     for text in texts:
-        key, _, stated = text.partition("=")
-        state, _, until = stated.partition(":")
+        key, _, mark_text = text.partition("=")
+        state, _, until = mark_text.partition(":")
         if key not in findings:
             raise ConfigError(f"no finding has the key {key!r}", f"Keys: {', '.join(findings) or 'none'}.")
         if state == "open":
@@ -127,7 +127,7 @@ def set_marks(dataset: Path, trends: FleetTrends, texts: Sequence[str]) -> dict[
             continue
         if state not in set(MarkState) or (state == MarkState.PUT_OFF) != _is_day(until):
             raise ConfigError(
-                f"{stated!r} is no mark of a finding", "Use acknowledged, closed, put-off:YYYY-MM-DD or open."
+                f"{mark_text!r} is no mark of a finding", "Use acknowledged, closed, put-off:YYYY-MM-DD or open."
             )
         marks[key] = FindingMark(MarkState(state), *size_of(findings[key]), until)
     content = {"format": _FORMAT, "marks": {key: mark._asdict() for key, mark in sorted(marks.items())}}
@@ -143,9 +143,9 @@ def without_marked(trends: FleetTrends, marks: Mapping[str, FindingMark]) -> Fle
     hidden = 0
     tires = []
     for tire in trends.tires:
-        shown = tuple(finding for finding in tire.findings if not _is_hidden(tire, finding, marks, newest))
-        hidden += len(tire.findings) - len(shown)
-        tires.append(replace(tire, findings=shown))
+        visible = tuple(finding for finding in tire.findings if not _is_hidden(tire, finding, marks, newest))
+        hidden += len(tire.findings) - len(visible)
+        tires.append(replace(tire, findings=visible))
     if not hidden:
         return trends
     note = Reason(FleetCode.TREND_FINDINGS_MARKED, count=hidden, file=FILE)
@@ -157,8 +157,8 @@ def _is_hidden(tire: TireTrend, finding: Reason, marks: Mapping[str, FindingMark
     if mark is None or (mark.state is MarkState.PUT_OFF and newest >= mark.until):
         return False
     size, std = size_of(finding)
-    turned = size * mark.size < 0.0
-    return not (turned or abs(size) - abs(mark.size) > _GROWN * math.hypot(std, mark.std))
+    is_reversed = size * mark.size < 0.0
+    return not (is_reversed or abs(size) - abs(mark.size) > _GROWN * math.hypot(std, mark.std))
 
 
 def size_of(finding: Reason) -> tuple[float, float]:

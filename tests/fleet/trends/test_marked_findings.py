@@ -61,7 +61,7 @@ def test_what_is_no_mark_is_refused_and_nothing_is_written(tmp_path, trends, mar
     assert not (tmp_path / FILE).exists()
 
 
-@pytest.mark.parametrize("content", ["{", "[]", json.dumps({"format": "x", "marks": {}}), '{"marks": 3}'])
+@pytest.mark.parametrize("content", ["{", "[]", "[" * 9999, json.dumps({"format": "x", "marks": {}}), '{"marks": 3}'])
 def test_damaged_file_is_named(tmp_path, content):
     (tmp_path / FILE).write_text(content)
     with pytest.raises(TreadlinkError, match=FILE):
