@@ -58,6 +58,14 @@ def test_even_noise_has_nothing_unexplained() -> None:
         assert unexplained_revolutions([group(seed=2 * seed), group(kmh=90.0, seed=2 * seed + 1)]) == ()
 
 
+@pytest.mark.parametrize("turns", [np.zeros(COUNT), np.arange(COUNT) / COUNT])
+def test_revolutions_without_noise_have_no_place(turns) -> None:
+    """As of a model, of one turn repeated, or of a drift alone: there is nothing to compare a place with."""
+    wave = turns[:, None, None] * np.cos(THETA) * np.ones((COUNT, 3, GRID))
+    scatter = angle_scatter(wave, np.ones(3, dtype=bool), np.arange(COUNT), clipped=False)
+    assert unexplained_revolutions([replace(group(), by_angle=scatter)]) == ()
+
+
 @pytest.mark.parametrize("beyond_rad", [0.3, 1.4, 1.8, 2.8])
 def test_noise_where_a_clipped_signal_is_free_is_no_place(beyond_rad: float) -> None:
     """At 0.3 rad, as where a range ends below the steady value: most of the turn has no noise to compare with."""

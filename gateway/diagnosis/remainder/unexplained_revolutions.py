@@ -28,7 +28,7 @@ _CELL_TOLERANCE: Final = 1
 # Independent values in the mean square of successive differences, per value: each is part of two of them.
 _SUCCESSIVE: Final = 2.0 / 3.0
 # Angles of a cell at which a waveform's rate is worked out.
-_FINER: Final = 8
+_ANGLES_PER_CELL: Final = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +50,8 @@ class _Profiles:
     def ordered(self, mirrored: Sequence[bool]) -> _Profiles:
         """Return the profiles with the angles of some groups mirrored; `over` is a copy."""
         flip: BoolArray = np.array(mirrored)[:, None, None]
-        turned = [np.where(flip, values[..., ::-1], values) for values in (self.power, self.std, self.over)]
-        return _Profiles(turned[0], turned[1], turned[2], self.freedom)
+        flipped = [np.where(flip, values[..., ::-1], values) for values in (self.power, self.std, self.over)]
+        return _Profiles(flipped[0], flipped[1], flipped[2], self.freedom)
 
 
 def unexplained_revolutions(groups: Sequence[Group]) -> tuple[Unexplained, ...]:
@@ -68,82 +68,84 @@ def _places(groups: Sequence[Group], lock: str) -> list[Unexplained]:
     profiles = _profiles(groups, lock)
     # What is fixed to the contact comes at the same angle in reverse, what is fixed to the wheel at the opposite one.
     reverse = [group.conditions.reverse for group in groups]
-    orders = [[False] * len(groups), *([reverse] if len(set(reverse)) > 1 else [])]
+    mirrorings = [[False] * len(groups), *([reverse] if len(set(reverse)) > 1 else [])]
     entries: list[Unexplained] = []
     while len(entries) < _MAX_PLACES:
-        mirrored = max(orders, key=lambda order: _clearest(profiles.ordered(order))[0])
+        mirrored = max(mirrorings, key=lambda mirroring: _largest_excess(profiles.ordered(mirroring))[0])
         ordered = profiles.ordered(mirrored)
-        rare, members = _clearest(ordered)
-        if not rare > 1.0:
+        excess, members = _largest_excess(ordered)
+        if not excess > 1.0:
             break
-        cells = _stretch(ordered, members)
+        cells = _exceeding_cells(ordered, members)
         entries.append(_entry(groups, lock, ordered, cells, mirrored, members))
         count = profiles.over.shape[-1]
-        beside = np.arange(cells[0] - _CELL_TOLERANCE, cells[0] + len(cells) + _CELL_TOLERANCE) % count
+        cleared_cells = np.arange(cells[0] - _CELL_TOLERANCE, cells[0] + len(cells) + _CELL_TOLERANCE) % count
         for group, is_mirrored in enumerate(mirrored):
-            profiles.over[group][:, count - 1 - beside if is_mirrored else beside] = 0.0
+            profiles.over[group][:, count - 1 - cleared_cells if is_mirrored else cleared_cells] = 0.0
     return entries
 
 
 def _profiles(groups: Sequence[Group], lock: str) -> _Profiles:
     count = next(group.by_angle.power_m2ps4.shape[1] for group in groups if group.by_angle is not None)
     power = np.zeros((len(groups), 3, count))
-    std, over, freedom = np.zeros_like(power), np.zeros_like(power), np.zeros((len(groups), 3))
+    std, excess_ratio, freedom = np.zeros_like(power), np.zeros_like(power), np.zeros((len(groups), 3))
     angle = _angles(count)
     for number, group in enumerate(groups):
         scatter = group.by_angle
         if scatter is None:
             continue
-        near = np.abs(angle) < group.half_angle_rad + EDGE_REACH_RAD
+        edge = np.abs(angle) < group.half_angle_rad + EDGE_REACH_RAD
         # Moving the contact edges back leaves a share of their scatter.
-        allowed = np.where(near, criteria.EDGE_SHAPE * group.edges.explained_m2ps4 / max(float(near.mean()), 1e-9), 0.0)
+        allowed = np.where(edge, criteria.EDGE_SHAPE * group.edges.explained_m2ps4 / max(float(edge.mean()), 1e-9), 0.0)
         for axis in np.flatnonzero(scatter.freedom).tolist():
-            free = ~scatter.at_limit[axis]
+            is_valid = ~scatter.at_limit[axis]
             values = scatter.power_m2ps4[axis]
             if lock == PLACE:
                 # A step or drift of load or gain leaves neighbouring turns alike: a change during the recording.
-                alike = scatter.successive_m2ps4[axis] < criteria.TURNS_ALIKE * values
+                is_drifting = scatter.successive_m2ps4[axis] < criteria.TURNS_ALIKE * values
                 values = np.minimum(values, scatter.successive_m2ps4[axis])
                 # What jitters there comes with the change: the mean suits no turn.
-                free = free & ~alike
-                if not free.any():
+                is_valid = is_valid & ~is_drifting
+                if not is_valid.any():
                     continue
-            level = float(np.median(values[free]))
+            level = float(np.median(values[is_valid]))
             if not level > 0.0:
                 continue
             freedom[number, axis] = float(scatter.freedom[axis])
             if lock == PLACE:
                 freedom[number, axis] *= _SUCCESSIVE * scatter.count
                 # A coarse converter scatters by up to half a step, and not at all where the signal stays.
-                coarse = 0.25 * group.step_mps2[axis] ** 2
-                over[number, axis] = (values - max(level, coarse) - allowed) / level
+                converter_power = 0.25 * group.step_mps2[axis] ** 2
+                excess_ratio[number, axis] = (values - max(level, converter_power) - allowed) / level
                 power[number, axis] = values - level
                 std[number, axis] = np.maximum(values, level) / math.sqrt(freedom[number, axis])
             else:
                 # Turns that differ at random differ in odd and even ones too.
                 chance, values = np.maximum(values, level), scatter.alternating_m2ps4[axis]
-                over[number, axis] = (values - chance) / chance
+                excess_ratio[number, axis] = (values - chance) / chance
                 power[number, axis] = (values - chance) / scatter.count
                 std[number, axis] = np.maximum(values, chance) / (scatter.count * math.sqrt(freedom[number, axis]))
-            for profile in (power, over):
-                profile[number, axis, ~free] = 0.0
-    return _Profiles(power, std, over, freedom)
+            for profile in (power, excess_ratio):
+                profile[number, axis, ~is_valid] = 0.0
+    return _Profiles(power, std, excess_ratio, freedom)
 
 
-def _clearest(profiles: _Profiles) -> tuple[float, FloatArray]:
+def _largest_excess(profiles: _Profiles) -> tuple[float, FloatArray]:
     """Return the largest excess over what noise exceeds as rarely as `criteria.RARE`, and weights (g, 3) of it."""
-    best, chosen = 0.0, profiles.freedom
-    singles = [
-        np.where(np.arange(profiles.freedom.size).reshape(profiles.freedom.shape) == single, 1.0, 0.0)
-        for single in np.flatnonzero(profiles.freedom)
+    max_ratio, chosen_weight = 0.0, profiles.freedom
+    if not profiles.freedom.any():  # nothing scatters
+        return max_ratio, chosen_weight
+    single_axis_masks = [
+        np.where(np.arange(profiles.freedom.size).reshape(profiles.freedom.shape) == index, 1.0, 0.0)
+        for index in np.flatnonzero(profiles.freedom)
     ]
-    for mask in (np.ones_like(profiles.freedom), *singles):
+    for mask in (np.ones_like(profiles.freedom), *single_axis_masks):
         weight = mask * profiles.freedom
         limit = rare_ratio(float(weight.sum()), criteria.RARE) - 1.0
         largest = float(_mean(profiles.over, weight).max()) / limit
-        if largest > best:
-            best, chosen = largest, weight
-    return best, chosen
+        if largest > max_ratio:
+            max_ratio, chosen_weight = largest, weight
+    return max_ratio, chosen_weight
 
 
 def _mean(values: FloatArray, weight: FloatArray) -> FloatArray:
@@ -152,16 +154,16 @@ def _mean(values: FloatArray, weight: FloatArray) -> FloatArray:
     return result
 
 
-def _stretch(profiles: _Profiles, weight: FloatArray) -> IntArray:
+def _exceeding_cells(profiles: _Profiles, weight: FloatArray) -> IntArray:
     """Return the cells around the highest one that exceed noise, (k,), in order of angle; they may pass +-pi."""
-    over = _mean(profiles.over, weight)
-    count = len(over)
-    high: BoolArray = over > criteria.SIGMAS_LISTED / math.sqrt(float(weight.sum()))
-    peak = int(np.argmax(over))
+    excess = _mean(profiles.over, weight)
+    count = len(excess)
+    is_high: BoolArray = excess > criteria.SIGMAS_LISTED / math.sqrt(float(weight.sum()))
+    peak = int(np.argmax(excess))
     first = last = peak
-    while peak - first < count // 4 and high[(first - 1) % count]:
+    while peak - first < count // 4 and is_high[(first - 1) % count]:
         first -= 1
-    while last - peak < count // 4 and high[(last + 1) % count]:
+    while last - peak < count // 4 and is_high[(last + 1) % count]:
         last += 1
     return np.arange(first, last + 1)
 
@@ -179,8 +181,8 @@ def _entry(
     part = cells % count
     square = profiles.power[..., part].sum(axis=-1) / count
     error = np.sqrt(np.square(profiles.std[..., part]).sum(axis=-1)) / count
-    clear = np.where(weight > 0.0, square / np.maximum(error, 1e-30), -math.inf)
-    largest = int(np.unravel_index(np.argmax(clear), clear.shape)[0])
+    significance = np.where(weight > 0.0, square / np.maximum(error, 1e-30), -math.inf)
+    largest = int(np.unravel_index(np.argmax(significance), significance.shape)[0])
     rms = np.sqrt(np.maximum(square, 0.0))
     std = 0.5 * error / np.maximum(np.maximum(rms, np.sqrt(error)), 1e-30)
     axis = int(np.argmax(np.where(profiles.freedom[largest] > 0.0, square[largest], -math.inf)))
@@ -189,9 +191,9 @@ def _entry(
         (number, float(rms[number, axis]), float(std[number, axis])) for number in np.flatnonzero(is_measured).tolist()
     ]
     others = tuple(
-        (AXIS_NAMES[other], float(rms[largest, other]))
-        for other in range(3)
-        if other != axis and square[largest, other] > criteria.SIGMAS_LISTED * error[largest, other]
+        (AXIS_NAMES[other_axis], float(rms[largest, other_axis]))
+        for other_axis in range(3)
+        if other_axis != axis and square[largest, other_axis] > criteria.SIGMAS_LISTED * error[largest, other_axis]
     )
     width = 2.0 * math.pi / count
     first = -math.pi + width * float(cells[0])
@@ -230,7 +232,7 @@ def _timing_s(group: Group, profiles: _Profiles, number: int, cells: IntArray, m
     count = profiles.power.shape[-1]
     weight = np.array([block.count for block in group.blocks], dtype=np.float64)
     mean = np.tensordot(weight / weight.sum(), np.nan_to_num([block.orders_mps2 for block in group.blocks]), axes=1)
-    angles = _angles(_FINER * count).reshape(count, _FINER)
+    angles = _angles(_ANGLES_PER_CELL * count).reshape(count, _ANGLES_PER_CELL)
     orders = np.arange(mean.shape[-1])
     slope = np.einsum("an,ncf->acf", 1j * orders * mean, np.exp(1j * orders[:, None, None] * angles)).real
     square = np.square(group.conditions.omega_radps * slope).mean(axis=-1)
@@ -239,13 +241,13 @@ def _timing_s(group: Group, profiles: _Profiles, number: int, cells: IntArray, m
     measured = (profiles.freedom[number] > 0.0)[:, None] & (profiles.std[number] > 0.0)
     precision = np.where(measured, 1.0 / np.square(np.where(measured, profiles.std[number], 1.0)), 0.0)
     power = profiles.power[number]
-    below = float((precision * np.square(square)).sum())
-    tau_square = float((precision * square * power).sum()) / below if below > 0.0 else 0.0
+    denominator = float((precision * np.square(square)).sum())
+    tau_square = float((precision * square * power).sum()) / denominator if denominator > 0.0 else 0.0
     if not tau_square > 0.0:
         return math.nan
-    within = measured[:, cells]
-    rest = float(np.abs((power - tau_square * square)[:, cells][within]).sum())
-    is_timing = rest < criteria.EDGE_SHAPE * float(np.abs(power[:, cells][within]).sum())
+    measured_cells = measured[:, cells]
+    misfit = float(np.abs((power - tau_square * square)[:, cells][measured_cells]).sum())
+    is_timing = misfit < criteria.EDGE_SHAPE * float(np.abs(power[:, cells][measured_cells]).sum())
     return math.sqrt(tau_square) if is_timing else math.nan
 
 
@@ -254,12 +256,12 @@ def _angles(count: int) -> FloatArray:
 
 
 def _scaling(groups: Sequence[Group], sizes: Sequence[tuple[int, float, float]]) -> Scaling:
-    every = [group.conditions.omega_radps * group.conditions.radius_m for group in groups]
-    significant = [(every[index], rms, std) for index, rms, std in sizes if rms > criteria.SIGMAS_LISTED * std]
-    exponent, unsure = held_scaling(
+    speeds = [group.conditions.omega_radps * group.conditions.radius_m for group in groups]
+    significant = [(speeds[index], rms, std) for index, rms, std in sizes if rms > criteria.SIGMAS_LISTED * std]
+    exponent, exponent_std = held_scaling(
         [speed for speed, _, _ in significant], [rms for _, rms, _ in significant], [std for _, _, std in significant]
     )
-    return scaling_of(exponent, unsure, several=max(every) > criteria.SPEEDS_APART * min(every))
+    return scaling_of(exponent, exponent_std, several=max(speeds) > criteria.SPEEDS_APART * min(speeds))
 
 
 def _repeated(groups: Sequence[Group]) -> list[Unexplained]:
@@ -276,7 +278,7 @@ def _repeated(groups: Sequence[Group]) -> list[Unexplained]:
     repeats = groups[largest].repeats
     errors = repeats.error_mps2 if repeats is not None else (0.0, 0.0, 0.0)
     axis = int(np.argmax(errors))
-    others = tuple((AXIS_NAMES[other], errors[other]) for other in range(3) if other != axis and errors[other] > 0.0)
+    others = tuple((AXIS_NAMES[index], errors[index]) for index in range(3) if index != axis and errors[index] > 0.0)
     return [
         Unexplained(
             AXIS_NAMES[axis],
