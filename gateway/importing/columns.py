@@ -135,10 +135,10 @@ def require_columns(reader: BlockReader, path: Path, names: Sequence[str]) -> No
     facts = reader.facts
     for name in names:
         # The column of a matrix that cannot be used is none of the file.
-        whole = name if name in facts.names else name.rsplit("(:,", 1)[0]
-        if whole in facts.unusable:
-            reason, remedy = facts.unusable[whole]
-            raise ImportDataError(f"{path}: '{whole}' {reason}", remedy)
+        base_name = name if name in facts.names else name.rsplit("(:,", 1)[0]
+        if base_name in facts.unusable:
+            reason, remedy = facts.unusable[base_name]
+            raise ImportDataError(f"{path}: '{base_name}' {reason}", remedy)
     present = set(facts.names)
     missing = [name for name in names if name not in present]
     if not missing:
@@ -147,8 +147,8 @@ def require_columns(reader: BlockReader, path: Path, names: Sequence[str]) -> No
     for name in missing:
         guess = nearest(name, facts.names)
         lines.append(f"{path}: there is no column '{name}'" + (f"; did you mean '{guess}'?" if guess else ""))
-    shown = ", ".join(facts.names[:_LISTED_COLUMNS]) + (", ..." if len(facts.names) > _LISTED_COLUMNS else "")
-    raise ImportDataError("\n".join(lines), f"Columns of the file: {shown or 'none'}.")
+    listing = ", ".join(facts.names[:_LISTED_COLUMNS]) + (", ..." if len(facts.names) > _LISTED_COLUMNS else "")
+    raise ImportDataError("\n".join(lines), f"Columns of the file: {listing or 'none'}.")
 
 
 def number_table(path: Path, lines: list[tuple[int, str]], width: int) -> FloatArray:
@@ -157,9 +157,9 @@ def number_table(path: Path, lines: list[tuple[int, str]], width: int) -> FloatA
     Raises:
         ImportDataError: a line has fewer cells, or another than a number.
     """
-    rows = [line.split() for _, line in lines]
+    rows = [line.split()[:width] for _, line in lines]
     try:
-        return np.array([[float(cell) for cell in row[:width]] for row in rows], dtype=np.float64).reshape(-1, width)
+        return np.array([[float(cell) for cell in row] for row in rows], dtype=np.float64).reshape(-1, width)
     except ValueError as error:
         bad = next(
             number for (number, _), row in zip(lines, rows, strict=True) if len(row) < width or not _numbers(row)

@@ -81,7 +81,7 @@ class GapFilledColumns:
             missing = self._missing(np.concatenate(([last], times)), interval)
             if int(missing.sum()) > MAX_INSERTED_ROWS:
                 raise self._too_many(block, missing, interval)
-            if np.isfinite(times).any():
+            if len(times):
                 last = float(times[-1])
             yield self._filled(block, missing)
 
@@ -91,32 +91,32 @@ class GapFilledColumns:
             return np.zeros(len(times) - 1, dtype=np.intp)
         steps = np.diff(times) / interval
         # A step to or from a row without a time compares as false.
-        whole = np.rint(np.where(np.isfinite(steps), steps, 1.0))
-        regular = np.abs(steps - whole) <= TOLERANCE
+        counts = np.rint(np.where(np.isfinite(steps), steps, 1.0))
+        regular = np.abs(steps - counts) <= TOLERANCE
         # A step over two behind a repeated time is a late stamp: no sample is missing.
-        whole[1:][(whole[:-1] == 0.0) & (whole[1:] == 2.0)] = 1.0
-        longest = _LONGEST_S / (interval * self._unit_s)
-        missing: IntArray = np.where(regular & (whole >= 2.0) & (whole <= longest), whole - 1.0, 0.0).astype(np.intp)
+        counts[1:][(counts[:-1] == 0.0) & (counts[1:] == 2.0)] = 1.0
+        limit = _LONGEST_S / (interval * self._unit_s)
+        missing: IntArray = np.where(regular & (counts >= 2.0) & (counts <= limit), counts - 1.0, 0.0).astype(np.intp)
         return missing
 
     def _too_many(self, block: Block, missing: IntArray, interval: float) -> ImportDataError:
         row, total = int(np.argmax(missing)), int(missing.sum())
         gaps = int(np.count_nonzero(missing))
         step_s = float(missing[row] + 1) * interval * self._unit_s
-        more = f", and {gaps} such gaps together skip {total}" if gaps > 1 else ""
+        gaps_note = f", and {gaps} such gaps together skip {total}" if gaps > 1 else ""
         return ImportDataError(
             f"{self._path}: {block.where(row)}: the time steps by {step_s:.6g} s, which skips {missing[row]} samples"
-            f"{more}; allowed within {len(missing)} rows: {MAX_INSERTED_ROWS}",
+            f"{gaps_note}; allowed within {len(missing)} rows: {MAX_INSERTED_ROWS}",
             "Correct the times there. If samples are missing, cut the file at the gap. If no sample is missing, state "
             "rate_hz instead of time_column.",
         )
 
     def _filled(self, block: Block, missing: IntArray) -> Block:
-        before = self.left_out
+        offset = self.left_out
         total = int(missing.sum())
         self.left_out += total
         if not total:
-            return Block(block.first_row + before, block.values, block.where, block.progress)
+            return Block(block.first_row + offset, block.values, block.where, block.progress)
         places = np.arange(len(missing)) + np.cumsum(missing)
         values = np.full((len(missing) + total, block.values.shape[1]), np.nan)
         values[places] = block.values
@@ -124,7 +124,7 @@ class GapFilledColumns:
         def where(row: int) -> str:
             return block.where(min(int(np.searchsorted(places, row)), len(places) - 1))
 
-        return Block(block.first_row + before, values, where, block.progress)
+        return Block(block.first_row + offset, values, where, block.progress)
 
 
 def _interval(times: FloatArray) -> float:
@@ -135,9 +135,9 @@ def _interval(times: FloatArray) -> float:
     rows, steps = np.diff(timed_rows), np.diff(times[timed_rows])
     interval = float(np.median(steps / rows))
     # The median of rounded steps is a multiple of the rounding. Their mean is not; a step that skips rows is left out.
-    whole = np.abs(steps / rows - interval) <= _WHOLE_STEP * interval
-    if whole.any():
-        interval = float(steps[whole].sum() / rows[whole].sum())
+    is_regular = np.abs(steps / rows - interval) <= _WHOLE_STEP * interval
+    if is_regular.any():
+        interval = float(steps[is_regular].sum() / rows[is_regular].sum())
     grid = decimal_grid(times[timed_rows])
     is_coarse = grid is not None and grid > _FINEST_GRID * interval and _is_rounded(times[timed_rows], timed_rows, grid)
     return 0.0 if is_coarse else interval
@@ -146,6 +146,6 @@ def _interval(times: FloatArray) -> float:
 def _is_rounded(times: FloatArray, rows: IntArray, grid: float) -> bool:
     """Return whether times are even ones, rounded to a grid; else they are exact, and some skip samples."""
     mantissa = grid / 10.0 ** np.floor(np.log10(grid * (1.0 + 1e-9)))
-    return min(abs(mantissa - each) for each in (1.0, 2.0, 5.0)) < 1e-6 and (
+    return min(abs(mantissa - digit) for digit in (1.0, 2.0, 5.0)) < 1e-6 and (
         line_through(rows.astype(np.float64), times)[1] <= ROUNDING_TOLERANCE * grid
     )

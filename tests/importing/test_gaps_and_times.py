@@ -3,6 +3,7 @@
 import re
 import tracemalloc
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from firmware_protocol.messages import SampleBlock
 from gateway.core.errors import ImportDataError
 from gateway.core.types import FloatArray
+from gateway.importing.columns import Block, number_table
 from gateway.importing.commands.import_measurement import report_lines
 from gateway.importing.csv_columns import CsvColumns
 from gateway.importing.import_map import parse_map
@@ -185,6 +187,22 @@ def test_longest_gap_at_the_highest_rate_is_filled(tmp_path: Path) -> None:
     assert columns.left_out == 253_440
     assert len(block.values) == 254_040
     assert block.where(253_741) == "line 303"
+
+
+def test_a_block_without_times_is_no_gap() -> None:
+    """Its rows are the samples that the step over it skips."""
+    times = np.arange(300.0) * 1e-4
+    times[100:200] = np.nan
+    parts = [Block(first, times[first : first + 100, None], str, 0.0) for first in (0, 100, 200)]
+    reader = SimpleNamespace(blocks=lambda names: iter(parts))
+    sampling = parse_map(simple_map(sampling='time_column = "t"', **RADIAL_ONLY), "map").sampling
+    columns = GapFilledColumns(Path("run.csv"), reader, sampling)
+    assert [len(block.values) for block in columns.blocks(["t"])] == [100, 100, 100]
+
+
+def test_faulty_line_of_a_table_is_named_whatever_follows_the_columns() -> None:
+    with pytest.raises(ImportDataError, match="line 4"):
+        number_table(Path("run.tdx"), [(3, "1 2 a remark"), (4, "3 b")], 2)
 
 
 def test_coarse_rounding_advises_the_rate_with_its_error(tmp_path: Path) -> None:

@@ -127,7 +127,8 @@ def test_a_stream_joined_in_the_middle_passes_too() -> None:
     assert Clause.START in with_verdict(report, Verdict.NOT_EXERCISED)
 
 
-def test_clock_and_numbers_may_wrap() -> None:
+@pytest.mark.parametrize("fast_s", [0, 30])
+def test_clock_and_numbers_may_wrap(fast_s: int) -> None:
     def later(sent):
         tick = sent.tick_us + 2**32 - 3_000_000
         payload = sent.payload
@@ -138,11 +139,13 @@ def test_clock_and_numbers_may_wrap() -> None:
         elif sent.type == MessageType.TIME_SYNC:
             payload = payload_bytes(MessageType.TIME_SYNC, {"hub_us": tick, "host_ns": 0})
         elif sent.type == MessageType.HUB_STATUS:
-            payload = (tick // 1_000_000).to_bytes(4, "little") + payload[4:]
+            payload = (tick // 1_000_000 + fast_s).to_bytes(4, "little") + payload[4:]
         return sent._replace(tick_us=tick, payload=payload)
 
     report = check(frames(map(later, right())))
-    assert with_verdict(report, Verdict.FAILED, Verdict.ADVISED) == set()
+    wrong = [finding.reason for result in report.clauses for finding in result.findings]
+    assert with_verdict(report, Verdict.FAILED, Verdict.ADVISED) == ({Clause.STATUS_VALUES} if fast_s else set())
+    assert [round(reason["uptime_s"] - reason["clock_s"]) for reason in wrong] == [fast_s] * len(wrong)
 
 
 def test_a_restart_with_a_higher_boot_count_passes() -> None:

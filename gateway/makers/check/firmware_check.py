@@ -44,7 +44,7 @@ RADIUS_M: Final = 0.32
 
 _HEADER: Final = wire.HEADER.reader("version", "type", "hub", "wheel", "flags", "seq", "tick_us")
 # Bytes without a frame that are kept for their diagnosis.
-_KEPT_NOISE_BYTES: Final = 16_384
+_MAX_NOISE_BYTES: Final = 16_384
 
 CLAUSE_OF: Final[Mapping[Code, Clause]] = {
     WheelCode.HELLO_AC_WITH_STEADY_VALUE: Clause.COUPLING,
@@ -128,26 +128,26 @@ class FirmwareCheck:
         base = self._size - len(self._tail)
         self._size += len(chunk.data)
         buffer = self._tail + chunk.data
-        start, seen = 0, []
+        start, frames = 0, []
         while True:
             offset, end, damaged = next_frame(buffer, start)
-            self._between(base + start, buffer[start:offset], damaged)
+            self._note_noise(base + start, buffer[start:offset], damaged)
             if not end:
                 break
             frame = self._frame(base + offset, buffer[offset:end], host_s, after_damage=damaged > 0 or offset > start)
             if frame is not None:
-                seen.append(frame)
+                frames.append(frame)
             start = end
         self._tail = buffer[offset:]
-        return seen
+        return frames
 
-    def _between(self, at_byte: int, data: bytes, damaged: int) -> None:
+    def _note_noise(self, at_byte: int, data: bytes, damaged: int) -> None:
         """Note bytes that belong to no intact frame."""
         if not data:
             return
         if not self._noise:
             self._noise_at = at_byte
-        self._noise += data[: _KEPT_NOISE_BYTES - len(self._noise)]
+        self._noise += data[: _MAX_NOISE_BYTES - len(self._noise)]
         # A stream may begin in the middle of a frame.
         if not self.frames and at_byte + len(data) < wire.MAX_FRAME_BYTES:
             return
@@ -162,10 +162,10 @@ class FirmwareCheck:
         for clause in (Clause.SYNC, Clause.CONTIGUOUS, Clause.LENGTH, Clause.CRC, Clause.VERSION):
             self.ledger.check(clause)
         version, type_, hub, wheel, flags, seq, tick_us = _HEADER.unpack_from(data)
-        seen = SeenFrame(at_byte, host_s, data, type_, hub, wheel, flags, seq, tick_us, None)
+        frame = SeenFrame(at_byte, host_s, data, type_, hub, wheel, flags, seq, tick_us, None)
         if version != wire.VERSION_BYTE:
             self.ledger.fail(
-                Clause.VERSION, seen, Reason(FirmwareCode.HEADER_WRONG, field="version", value=f"{version:#04x}")
+                Clause.VERSION, frame, Reason(FirmwareCode.HEADER_WRONG, field="version", value=f"{version:#04x}")
             )
             if version >> 4 != wire.VERSION_MAJOR:
                 return None
@@ -173,71 +173,71 @@ class FirmwareCheck:
         self.ledger.check(Clause.FLAGS)
         if flags & ~wire.KNOWN_FLAGS:
             self.ledger.fail(
-                Clause.FLAGS, seen, Reason(FirmwareCode.HEADER_WRONG, field="flags", value=f"{flags:#04x}")
+                Clause.FLAGS, frame, Reason(FirmwareCode.HEADER_WRONG, field="flags", value=f"{flags:#04x}")
             )
         if type_ not in DECODERS:
-            self.ledger.fail(Clause.TYPES, seen, Reason(FirmwareCode.HEADER_WRONG, field="type", value=type_))
+            self.ledger.fail(Clause.TYPES, frame, Reason(FirmwareCode.HEADER_WRONG, field="type", value=type_))
         elif flags & wire.SIGNED_FLAG and not is_signed(data):
-            self.ledger.fail(Clause.LAYOUT, seen, Reason(FirmwareCode.HEADER_WRONG, field="tag"))
+            self.ledger.fail(Clause.LAYOUT, frame, Reason(FirmwareCode.HEADER_WRONG, field="tag"))
         else:
-            seen = seen._replace(message=self._content(seen))
-        self._rules(seen, after_damage=after_damage)
-        return seen
+            frame = frame._replace(message=self._content(frame))
+        self._rules(frame, after_damage=after_damage)
+        return frame
 
-    def _content(self, seen: SeenFrame) -> Message | None:
+    def _content(self, frame: SeenFrame) -> Message | None:
         """Return the content of a frame; None where it breaks its layout."""
         self.ledger.check(Clause.LAYOUT)
         self.ledger.check(Clause.RANGES)
         try:
-            return decode_payload(seen.type, seen.payload)
+            return decode_payload(frame.type, frame.payload)
         except PayloadError as error:
-            name, layout = MessageType(seen.type).name, error.layout_bytes
+            name, layout = MessageType(frame.type).name, error.layout_bytes
             if layout is None:
                 self.ledger.fail(
-                    Clause.RANGES, seen, Reason(FirmwareCode.PAYLOAD_WRONG, what="value", type=name, field=error.field)
+                    Clause.RANGES, frame, Reason(FirmwareCode.PAYLOAD_WRONG, what="value", type=name, field=error.field)
                 )
                 return None
             reason = Reason(
-                FirmwareCode.PAYLOAD_WRONG, what="length", type=name, length=len(seen.payload), layout=layout
+                FirmwareCode.PAYLOAD_WRONG, what="length", type=name, length=len(frame.payload), layout=layout
             )
-            self.ledger.fail(Clause.LAYOUT, seen, reason)
+            self.ledger.fail(Clause.LAYOUT, frame, reason)
             return None
 
-    def _rules(self, seen: SeenFrame, *, after_damage: bool) -> None:
+    def _rules(self, frame: SeenFrame, *, after_damage: bool) -> None:
         """Hand a frame to all rules."""
-        lost = self._counters.lost(seen.source)
-        if self._counters.frame(seen, after_damage=after_damage):
-            self._clock.restarted(seen.hub)
-            self._messages.restarted(seen.hub)
-        if self._counters.lost(seen.source) != lost:
-            self._clock.lost(seen.source)
-        self._signatures.frame(seen)
-        self._messages.frame(seen)
-        if seen.message is None:
+        lost = self._counters.lost(frame.source)
+        if self._counters.frame(frame, after_damage=after_damage):
+            self._clock.restarted(frame.hub)
+            self._messages.restarted(frame.hub)
+        if self._counters.lost(frame.source) != lost:
+            self._clock.lost(frame.source)
+        self._signatures.frame(frame)
+        self._messages.frame(frame)
+        if frame.message is None:
             return
-        self._exercised(seen)
-        self._clock.frame(seen)
-        self._signal.frame(seen)
-        self._watch.take(self._link, FrameList([seen.as_frame]))
+        self._exercised(frame)
+        self._clock.frame(frame)
+        self._signal.frame(frame)
+        self._watch.take(self._link, FrameList([frame.as_frame]))
         for notice in self._watch.new():
             clause = CLAUSE_OF.get(notice.reason.code)
             if clause is not None:
                 self.ledger.fail(
-                    clause, notice.subject, notice.reason, seen.data, seen.at_byte, is_advice=clause in _ADVICE
+                    clause, notice.subject, notice.reason, frame.data, frame.at_byte, is_advice=clause in _ADVICE
                 )
 
-    def _exercised(self, seen: SeenFrame) -> None:
+    def _exercised(self, frame: SeenFrame) -> None:
         """Note the clauses of StatementWatch that a frame exercises."""
         self.ledger.check(Clause.HUB_ITSELF)
         self.ledger.check(Clause.HUB_NUMBER)
-        if isinstance(seen.message, SampleBlock) and seen.wheel != HUB_ITSELF:
+        if isinstance(frame.message, SampleBlock) and frame.wheel != HUB_ITSELF:
             self.ledger.check(Clause.AXES)
             self.ledger.check(Clause.ONCE)
-        elif isinstance(seen.message, Environment):
+        elif isinstance(frame.message, Environment):
             self.ledger.check(Clause.ENVIRONMENT_VALUES)
-        elif isinstance(seen.message, TimeSync):
+        elif isinstance(frame.message, TimeSync):
             self.ledger.check(Clause.TIME_VALUES)
-        elif isinstance(seen.message, Hello):
+        elif isinstance(frame.message, Hello):
             self.ledger.check(Clause.BOOT_COUNT)
 
     def may_pause(self, hub: int) -> None:
@@ -278,7 +278,7 @@ class FirmwareCheck:
             return
         verdict = diagnosis(noise)
         if verdict is not None and verdict[1].code is not FirmwareCode.FRAME_CRC_WRONG:
-            self.ledger.fail(verdict[0], "", verdict[1], verdict[2], self._noise_at, count=self._damaged)
+            self.ledger.fail(verdict[0], "", verdict[1], example, at_byte, count=self._damaged)
             return
         reason = Reason(FirmwareCode.SOME_FRAMES_DAMAGED, damaged=self._damaged, frames=self.frames)
         self.ledger.fail(Clause.CRC, "", reason, example, at_byte, count=self._damaged)

@@ -34,15 +34,15 @@ _PERIODS: Final = {
 }
 _OF_WHEELS: Final = (MessageType.HELLO, MessageType.ENVIRONMENT)
 # A schedule is judged over this time; so many messages more or fewer than expected are of its ends.
-_LEAST_SPAN_S: Final = 3.0
+_MIN_SPAN_S: Final = 3.0
 _SLACK: Final = 1.5
-_MOST_LOGS_PER_S: Final = 10
+_MAX_LOGS_PER_S: Final = 10
 _UPTIME_TOLERANCE_S: Final = 2.0
 _SENT_SHARE: Final = 0.05
 _SENT_SLACK: Final = 20
 _FULL_BLOCKS: Final = 0.8
 # Pressures of tires in kPa; a flat one in Pa is rarely among them, so that this is advice.
-_LIKE_KPA: Final = (80.0, 1000.0)
+_KPA_RANGE: Final = (80.0, 1000.0)
 
 
 @dataclass(slots=True)
@@ -98,18 +98,18 @@ class MessageRules:
         """Forget the counters of a hub before its start."""
         self._sent.pop(hub, None)
 
-    def _time(self, schedule: _Schedule, seen: SeenFrame) -> None:
-        if seen.host_s is not None:
-            now_s = seen.host_s
+    def _time(self, schedule: _Schedule, frame: SeenFrame) -> None:
+        if frame.host_s is not None:
+            time_s = frame.host_s
         else:
-            step = signed_step(schedule.last_tick_us, seen.tick_us) if schedule.first_s is not None else 0
-            now_s = schedule.last_s + max(0, step) * 1e-6
-        schedule.last_tick_us = seen.tick_us
+            step = signed_step(schedule.last_tick_us, frame.tick_us) if schedule.first_s is not None else 0
+            time_s = schedule.last_s + max(0, step) * 1e-6
+        schedule.last_tick_us = frame.tick_us
         if schedule.first_s is None:
-            schedule.first_s = now_s
-        schedule.last_s = max(schedule.last_s, now_s)
+            schedule.first_s = time_s
+        schedule.last_s = max(schedule.last_s, time_s)
 
-    def _hello(self, seen: SeenFrame, hello: Hello) -> None:
+    def _hello(self, frame: SeenFrame, hello: Hello) -> None:
         self._ledger.check(Clause.HELLO_VALUES)
         self._ledger.check(Clause.SCALE_RANGE)
         self._ledger.check(Clause.HELLO_COUPLING)
@@ -118,7 +118,7 @@ class MessageRules:
             reason = Reason(
                 FirmwareCode.HELLO_WRONG, how="major", major=hello.protocol_major, minor=hello.protocol_minor
             )
-            self._ledger.fail(Clause.HELLO_VALUES, seen, reason)
+            self._ledger.fail(Clause.HELLO_VALUES, frame, reason)
         absent = [axis for axis in Axis if not hello.axes >> axis & 1]
         if not absent:
             return
@@ -128,45 +128,48 @@ class MessageRules:
         if filled:
             self._ledger.fail(
                 Clause.HELLO_ABSENT,
-                seen,
+                frame,
                 Reason(FirmwareCode.HELLO_WRONG, how="absent_axes", axes=filled),
                 is_advice=True,
             )
 
-    def _samples(self, schedule: _Schedule, seen: SeenFrame, block: SampleBlock) -> None:
-        if not schedule.blocks and self._counters.started(seen.source):
+    def _samples(self, schedule: _Schedule, frame: SeenFrame, block: SampleBlock) -> None:
+        if not schedule.blocks and self._counters.started(frame.source):
             self._ledger.check(Clause.HELLO_FIRST)
-        if not schedule.hello_seen and self._counters.started(seen.source):
-            self._ledger.fail(Clause.HELLO_FIRST, seen, Reason(FirmwareCode.HELLO_WRONG, how="late"))
+        if not schedule.hello_seen and self._counters.started(frame.source):
+            self._ledger.fail(Clause.HELLO_FIRST, frame, Reason(FirmwareCode.HELLO_WRONG, how="late"))
         schedule.blocks += 1
         schedule.samples += len(block.counts)
         schedule.channels = CHANNELS[block.axes]
-        schedule.is_signed = bool(seen.tag_bytes)
+        schedule.is_signed = bool(frame.tag_bytes)
 
-    def _environment(self, seen: SeenFrame, environment: Environment) -> None:
+    def _environment(self, frame: SeenFrame, environment: Environment) -> None:
         pressure_pa = environment.pressure_pa
-        if pressure_pa is not None and _LIKE_KPA[0] <= pressure_pa <= _LIKE_KPA[1]:
+        if pressure_pa is not None and _KPA_RANGE[0] <= pressure_pa <= _KPA_RANGE[1]:
             reason = Reason(FirmwareCode.PRESSURE_LIKE_KPA, pressure_pa=pressure_pa)
-            self._ledger.fail(Clause.ENVIRONMENT_VALUES, seen, reason, is_advice=True)
+            self._ledger.fail(Clause.ENVIRONMENT_VALUES, frame, reason, is_advice=True)
 
-    def _status(self, seen: SeenFrame, status: HubStatus) -> None:
+    def _status(self, frame: SeenFrame, status: HubStatus) -> None:
         self._ledger.check(Clause.STATUS_VALUES)
-        apart_s = signed_step(seen.tick_us, round(status.uptime_s * 1e6) & 0xFFFF_FFFF) * 1e-6
-        if abs(apart_s) > _UPTIME_TOLERANCE_S:
+        difference_s = signed_step(frame.tick_us, round(status.uptime_s * 1e6) & 0xFFFF_FFFF) * 1e-6
+        if abs(difference_s) > _UPTIME_TOLERANCE_S:
             reason = Reason(
-                FirmwareCode.STATUS_WRONG, field="uptime_s", uptime_s=status.uptime_s, clock_s=seen.tick_us * 1e-6
+                FirmwareCode.STATUS_WRONG,
+                field="uptime_s",
+                uptime_s=status.uptime_s,
+                clock_s=status.uptime_s - difference_s,
             )
-            self._doubts.append((seen, reason))
-        number = self._frames[seen.hub] + self._counters.lost_of_hub(seen.hub)
-        first_status = self._sent.get(seen.hub)
+            self._doubts.append((frame, reason))
+        number = self._frames[frame.hub] + self._counters.lost_of_hub(frame.hub)
+        first_status = self._sent.get(frame.hub)
         if first_status is None:
-            self._sent[seen.hub] = (number, status.frames_sent), seen
+            self._sent[frame.hub] = (number, status.frames_sent), frame
             return
         (first, sent), _ = first_status
-        arrived, stated = number - first, (status.frames_sent - sent) % 2**32
-        if abs(stated - arrived) > _SENT_SLACK + _SENT_SHARE * arrived:
+        arrived, reported = number - first, (status.frames_sent - sent) % 2**32
+        if abs(reported - arrived) > _SENT_SLACK + _SENT_SHARE * arrived:
             self._doubts.append(
-                (seen, Reason(FirmwareCode.STATUS_WRONG, field="frames_sent", stated=stated, arrived=arrived))
+                (frame, Reason(FirmwareCode.STATUS_WRONG, field="frames_sent", stated=reported, arrived=arrived))
             )
 
     def _log(self, seen: SeenFrame, log: LogText) -> None:
@@ -174,18 +177,18 @@ class MessageRules:
         if log.level > max(LogLevel):
             self._ledger.fail(Clause.LOG, seen, Reason(FirmwareCode.LOG_TEXT_WRONG, how="level", level=log.level))
         try:
-            shown = seen.payload[1:].decode()
+            decoded = seen.payload[1:].decode()
         except UnicodeDecodeError:
             self._ledger.fail(Clause.LOG, seen, Reason(FirmwareCode.LOG_TEXT_WRONG, how="not_utf8"))
         else:
-            if any(unicodedata.category(character).startswith("C") for character in shown):
+            if any(unicodedata.category(character).startswith("C") for character in decoded):
                 self._ledger.fail(Clause.LOG, seen, Reason(FirmwareCode.LOG_TEXT_WRONG, how="controls"), is_advice=True)
         recent = self._logs.setdefault(seen.hub, deque())
         # The hub's clock: what waits on the way arrives at once.
         recent.append(seen.tick_us * 1e-6)
         while recent[-1] - recent[0] >= 1.0 or recent[-1] < recent[0]:
             recent.popleft()
-        if len(recent) > _MOST_LOGS_PER_S:
+        if len(recent) > _MAX_LOGS_PER_S:
             self._ledger.fail(Clause.LOG, seen, Reason(FirmwareCode.LOG_TEXT_WRONG, how="too_often", lines=len(recent)))
 
     def finish(self, capacity_bytes_per_s: float | None) -> None:
@@ -195,28 +198,28 @@ class MessageRules:
             capacity_bytes_per_s: of the link, None where it is not known.
         """
         if not self._ledger.has_failed(Clause.TICK, Clause.TICK_MONOTONIC, Clause.SEQ):
-            for seen, reason in self._doubts:
-                self._ledger.fail(Clause.STATUS_VALUES, seen, reason)
+            for frame, reason in self._doubts:
+                self._ledger.fail(Clause.STATUS_VALUES, frame, reason)
         for hub in self._frames:
-            of_hub = {source: schedule for source, schedule in self._schedules.items() if source[0] == hub}
-            begins = [schedule.first_s for schedule in of_hub.values() if schedule.first_s is not None]
-            span_s = max(schedule.last_s for schedule in of_hub.values()) - min(begins)
-            self._hub_schedule(hub, of_hub, span_s)
+            schedules = {source: schedule for source, schedule in self._schedules.items() if source[0] == hub}
+            starts_s = [schedule.first_s for schedule in schedules.values() if schedule.first_s is not None]
+            span_s = max(schedule.last_s for schedule in schedules.values()) - min(starts_s)
+            self._hub_schedule(hub, schedules, span_s)
         self._throughput(capacity_bytes_per_s)
 
-    def _hub_schedule(self, hub: int, of_hub: dict[SourceKey, _Schedule], span_s: float) -> None:
-        if span_s < _LEAST_SPAN_S:
+    def _hub_schedule(self, hub: int, schedules: dict[SourceKey, _Schedule], span_s: float) -> None:
+        if span_s < _MIN_SPAN_S:
             for clause, _ in _PERIODS.values():
                 self._ledger.leave(
                     clause,
-                    Reason(FirmwareCode.CHECK_NOT_DONE, why="too_short", duration_s=span_s, needed_s=_LEAST_SPAN_S),
+                    Reason(FirmwareCode.CHECK_NOT_DONE, why="too_short", duration_s=span_s, needed_s=_MIN_SPAN_S),
                 )
             return
-        wheels = [source for source, schedule in of_hub.items() if source[1] != HUB_ITSELF and schedule.blocks]
+        wheels = [source for source, schedule in schedules.items() if source[1] != HUB_ITSELF and schedule.blocks]
         for type_, (clause, period_s) in _PERIODS.items():
             for source in wheels if type_ in _OF_WHEELS else [(hub, HUB_ITSELF)]:
                 self._ledger.check(clause)
-                count = of_hub[source].counts.get(type_, 0) if source in of_hub else 0
+                count = schedules[source].counts.get(type_, 0) if source in schedules else 0
                 missing = self._counters.lost(source)
                 expected = span_s / period_s
                 is_rare = count + missing < 0.8 * expected - 1.0 or (count == 0 and expected >= 1.0)
@@ -232,18 +235,18 @@ class MessageRules:
             if not schedule.blocks or schedule.first_s is None:
                 continue
             self._ledger.check(Clause.THROUGHPUT)
-            most = wire.MAX_SIGNED_PAYLOAD_BYTES if schedule.is_signed else wire.MAX_PAYLOAD_BYTES
-            full = (most - SAMPLES.size) // (2 * schedule.channels)
+            payload_bytes = wire.MAX_SIGNED_PAYLOAD_BYTES if schedule.is_signed else wire.MAX_PAYLOAD_BYTES
+            full = (payload_bytes - SAMPLES.size) // (2 * schedule.channels)
             mean = schedule.samples / schedule.blocks
-            around = wire.OVERHEAD_BYTES + SAMPLES.size + (wire.TAG_BYTES if schedule.is_signed else 0)
+            overhead = wire.OVERHEAD_BYTES + SAMPLES.size + (wire.TAG_BYTES if schedule.is_signed else 0)
             if mean < _FULL_BLOCKS * full:
-                more = (around / mean + 2 * schedule.channels) / (around / full + 2 * schedule.channels) - 1.0
-                reason = Reason(FirmwareCode.BLOCKS_NOT_FULL, samples=mean, full=full, more=more)
+                excess = (overhead / mean + 2 * schedule.channels) / (overhead / full + 2 * schedule.channels) - 1.0
+                reason = Reason(FirmwareCode.BLOCKS_NOT_FULL, samples=mean, full=full, more=excess)
                 self._ledger.fail(Clause.THROUGHPUT, source_name(source), reason, is_advice=True)
             span_s = schedule.last_s - schedule.first_s
             if span_s > 0.0:
                 sent = schedule.blocks + self._counters.lost(source)
-                needed += sent * (around + mean * 2 * schedule.channels) / span_s
+                needed += sent * (overhead + mean * 2 * schedule.channels) / span_s
         if capacity_bytes_per_s is None:
             return
         self._ledger.check(Clause.THROUGHPUT)
