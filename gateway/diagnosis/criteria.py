@@ -222,3 +222,6 @@ CHANGE_OF_RESIDUAL: Final = 0.1
 
 CHANGE_OF_LARGEST: Final = 0.1
 """Share of the largest change of any axis below which a change is not listed."""
+
+DETERMINED: Final = 0.3
+"""Largest relative standard error of a number that is determined."""

@@ -100,18 +100,19 @@ def run_recordings(path: Path, runs: Sequence[KnownRun]) -> tuple[Path, ...]:
 
 def _faults(data: Mapping[str, Any]) -> Iterator[Fault]:
     runs = data.get("run")
-    for index, run in enumerate(runs if isinstance(runs, list) else ()):
+    runs = runs if isinstance(runs, list) else []
+    for index, run in enumerate(runs):
         if not isinstance(run, Mapping):
             continue
         begin, end = run.get("from_s", 0.0), run.get("to_s")
         if isinstance(begin, int | float) and isinstance(end, int | float) and not begin < end:
             yield Fault(f"run[#{index + 1}].to_s", show(end), f"allowed: more than from_s = {show(begin)}")
-        for earlier, other in enumerate(runs[:index] if isinstance(runs, list) else ()):
+        for other_index, other in enumerate(runs[:index]):
             if isinstance(other, Mapping) and _overlap(other, run):
                 yield Fault(
                     f"run[#{index + 1}].from_s",
                     show(begin),
-                    f"allowed: a part of {show(run.get('recording'))} that run[#{earlier + 1}] does not have",
+                    f"allowed: a part of {show(run.get('recording'))} that run[#{other_index + 1}] does not have",
                 )
 
 

@@ -16,17 +16,16 @@ from gateway.diagnosis.effects.effect import GroupConditions
 from gateway.diagnosis.effects.wheel_nonuniformity import ROLLING_RADIUS
 from gateway.diagnosis.result import Fitted, TireState
 
-# A number known worse than this is not determined; nor is bending below this share of tension.
-_WORST_SHARE: Final = 0.3
-_LEAST_BENDING: Final = 1e-3
+# Bending below this share of tension is not determined.
+_MIN_BENDING_SHARE: Final = 1e-3
 # Standard errors from which two states contradict each other.
-_CONTRADICTED: Final = 3.0
+_CONTRADICTION_SIGMAS: Final = 3.0
 _HALF_ANGLE: Final = "contact_half_angle_rad"
 _TREAD: Final = "tread_stiffness_npm2"
 # Errors due to contact edges between the nodes of the solver's grid, as shares: rms over rings drawn at random.
 _GRID_SHARES: Final = {"Bs": 5e-5, "Cw": 8e-5, "Rs": 5e-5, "Ts": 2.5e-4, _TREAD: 3.5e-4, _HALF_ANGLE: 4e-4}
 # In proportion to the load that was stated.
-_OF_LOAD: Final = frozenset({*RING_NUMBERS, _TREAD})
+_LOAD_PROPORTIONAL: Final = frozenset({*RING_NUMBERS, _TREAD})
 _UNITS: Final = {_TREAD: "N/m^2", _HALF_ANGLE: "rad"}
 
 
@@ -56,17 +55,17 @@ def open_effects(sets: Sequence[tuple[Fit, float]], estimates: Mapping[str, Fitt
     """
     campaign = sets[0][0].model.campaign
     index = _first_group(campaign, _reference_state(campaign))
-    every = [(weight, *_values_and_errors(fit, index)) for fit, weight in sets]
-    names = [frozenset(effect.name for effect in fit.model.effects) for fit, _ in sets]
-    _, errors = _mean_of(every)
+    entries = [(weight, *_values_and_errors(fit, index)) for fit, weight in sets]
+    name_sets = [frozenset(effect.name for effect in fit.model.effects) for fit, _ in sets]
+    _, errors = _mean_of(entries)
     effects = []
-    for name in sorted(frozenset().union(*names)):
-        probability = sum(weight for (weight, *_), of in zip(every, names, strict=True) if name in of)
+    for name in sorted(frozenset().union(*name_sets)):
+        probability = sum(weight for (weight, *_), names in zip(entries, name_sets, strict=True) if name in names)
         if probability >= criteria.NAMED:
             continue
-        likely = probability > 0.5
+        is_likely = probability > 0.5
         _, conditional_errors = _mean_of(
-            [entry for entry, of in zip(every, names, strict=True) if (name in of) == likely]
+            [entry for entry, names in zip(entries, name_sets, strict=True) if (name in names) == is_likely]
         )
         ratios = {}
         for number in RING_NUMBERS:
@@ -102,7 +101,7 @@ def estimates_of(
     campaign = sets[0][0].model.campaign
     groups = campaign.groups
     reference = _reference_state(campaign)
-    doubt = math.sqrt(left_ratio) if left_ratio >= criteria.TEMPERED else 1.0
+    doubt_factor = math.sqrt(left_ratio) if left_ratio >= criteria.TEMPERED else 1.0
     states = sorted({group.state for group in groups}, key=lambda state: (state != reference, state))
     for state in states:
         index = _first_group(campaign, state)
@@ -112,13 +111,13 @@ def estimates_of(
         conditions_known = groups[index].load_known and groups[index].pressure_known
         values, errors = _mixture(sets, index)
         for name, value in values.items():
-            distances = [abs(value - other[name + suffix].value) for other in better if name + suffix in other]
+            distances = [abs(value - others[name + suffix].value) for others in better if name + suffix in others]
             errors[name] = math.hypot(errors[name], max(distances, default=0.0))
             estimates[name + suffix] = Fitted(
                 value, errors[name], _UNITS.get(name, ""), quantity=name, state=tire_state
             )
             determined[name + suffix] = state not in contradicted and _is_determined(
-                name, values, errors, doubt, conditions_known
+                name, values, errors, doubt_factor, conditions_known
             )
     return estimates, determined
 
@@ -140,7 +139,7 @@ def belt_widths_apart(estimates: Mapping[str, Fitted]) -> tuple[Fitted, Fitted] 
 
 def contradict(first: Fitted, second: Fitted) -> bool:
     """Return whether two estimates of the same number differ by three standard errors and more."""
-    return abs(first.value - second.value) > _CONTRADICTED * math.hypot(first.std, second.std)
+    return abs(first.value - second.value) > _CONTRADICTION_SIGMAS * math.hypot(first.std, second.std)
 
 
 def widened(estimates: Mapping[str, Fitted], low: Fitted, high: Fitted) -> dict[str, Fitted]:
@@ -154,7 +153,7 @@ def widened(estimates: Mapping[str, Fitted], low: Fitted, high: Fitted) -> dict[
     share = math.log(high.value / low.value)
     return {
         name: replace(estimate, std=math.hypot(estimate.std, share * estimate.value))
-        if estimate.quantity in _OF_LOAD
+        if estimate.quantity in _LOAD_PROPORTIONAL
         else estimate
         for name, estimate in estimates.items()
     }
@@ -163,8 +162,8 @@ def widened(estimates: Mapping[str, Fitted], low: Fitted, high: Fitted) -> dict[
 def still_determined(estimates: Mapping[str, Fitted], determined: Mapping[str, bool]) -> dict[str, bool]:
     """Return which estimates are determined once their errors were widened."""
     return {
-        name: was and estimates[name].std < _WORST_SHARE * abs(estimates[name].value)
-        for name, was in determined.items()
+        name: was_determined and estimates[name].std < criteria.DETERMINED * abs(estimates[name].value)
+        for name, was_determined in determined.items()
     }
 
 
@@ -216,25 +215,25 @@ def state_name(conditions: GroupConditions) -> str:
 
 
 def _is_determined(
-    name: str, values: Mapping[str, float], errors: Mapping[str, float], doubt: float, conditions_known: bool
+    name: str, values: Mapping[str, float], errors: Mapping[str, float], doubt_factor: float, conditions_known: bool
 ) -> bool:
-    enough = doubt * errors[name] < _WORST_SHARE * abs(values[name])
+    is_precise = doubt_factor * errors[name] < criteria.DETERMINED * abs(values[name])
     if name == _HALF_ANGLE:
-        return enough
-    number, _, ratio = name.partition("/")
-    if ratio and not conditions_known:
-        return enough
-    if ratio:
-        return _is_determined(number, values, errors, doubt, conditions_known)
+        return is_precise
+    number, _, denominator = name.partition("/")
+    if denominator and not conditions_known:
+        return is_precise
+    if denominator:
+        return _is_determined(number, values, errors, doubt_factor, conditions_known)
     if name == "Bs":
-        enough = enough and values[name] > _LEAST_BENDING * values["Cw"]
-    return enough and conditions_known
+        is_precise = is_precise and values[name] > _MIN_BENDING_SHARE * values["Cw"]
+    return is_precise and conditions_known
 
 
 def _values(fit: Fit, vector: FloatArray, index: int) -> dict[str, float]:
     """Return the estimates of one group's state at these parameters."""
     group, layout = fit.model.campaign.groups[index], fit.model.layout
-    numbers = fit.model.core.numbers(vector[layout.state(group.state)], _in_earnest(fit, vector, group.conditions))
+    numbers = fit.model.core.numbers(vector[layout.state(group.state)], _with_radius(fit, vector, group.conditions))
     values = dict(numbers)
     values.update({f"{name}/Cw": numbers[name] / numbers["Cw"] for name in RING_NUMBERS if name != "Cw"})
     shape = fit.model.shape(vector, index)
@@ -242,7 +241,7 @@ def _values(fit: Fit, vector: FloatArray, index: int) -> dict[str, float]:
     return values
 
 
-def _in_earnest(fit: Fit, vector: FloatArray, conditions: GroupConditions) -> GroupConditions:
+def _with_radius(fit: Fit, vector: FloatArray, conditions: GroupConditions) -> GroupConditions:
     """Return the conditions with the radius that the belt has if the one stated is wrong.
 
     The waveform over R omega^2 tells every stiffness over the load: EI / (Q R^2), p0 b R / Q, kw R^2 / Q, kv R^2 / Q,
@@ -278,9 +277,9 @@ def _gradients(fit: Fit, index: int, values: Mapping[str, float]) -> dict[str, F
             steps[layout.effect(effect.name).start] = effect.parameters[0].step
     gradients = {name: np.zeros(layout.size) for name in values}
     for parameter_index, step in steps.items():
-        moved = fit.vector.copy()
-        moved[parameter_index] += step
-        for name, value in _values(fit, moved, index).items():
+        vector = fit.vector.copy()
+        vector[parameter_index] += step
+        for name, value in _values(fit, vector, index).items():
             gradients[name][parameter_index] = (value - values[name]) / step
     return gradients
 

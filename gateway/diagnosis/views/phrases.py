@@ -10,6 +10,7 @@ from gateway.core.reasons import Code, Reason
 from gateway.core.text import wording
 from gateway.core.text.numbers import fixed
 from gateway.core.text.text import clean, counted
+from gateway.diagnosis import criteria
 from gateway.diagnosis.data.campaign_data import Remark
 from gateway.diagnosis.effects.catalogue import catalogue
 from gateway.diagnosis.reasons import DiagnosisCode
@@ -53,9 +54,6 @@ _IMPLAUSIBLE: Final = frozenset(
 
 # Reasons against an effect that a longer search may overturn.
 _ENDED_BEFORE: Final = frozenset({DiagnosisCode.RIVALS_UNTRIED, DiagnosisCode.LEFT_WHEN_ENDED})
-
-# Relative standard error above which an estimate is not determined.
-_LARGEST_RELATIVE_STD: Final = 0.3
 
 
 class Kind(StrEnum):
@@ -169,8 +167,8 @@ def scaling_text(scaling: Scaling) -> str:
     if scaling.status is ScalingStatus.KNOWN:
         if scaling.exponent == 0.0:
             return "constant"
-        whole = float(scaling.exponent).is_integer()
-        return f"omega^{scaling.exponent:.0f}" if whole else f"omega^{scaling.exponent:.1f}"
+        is_whole = float(scaling.exponent).is_integer()
+        return f"omega^{scaling.exponent:.0f}" if is_whole else f"omega^{scaling.exponent:.1f}"
     if scaling.status is ScalingStatus.UNCERTAIN:
         return f"not known: omega^({scaling.exponent:.1f} +- {scaling.std:.1f})"
     return f"not known: {SCALINGS[scaling.status]}"
@@ -201,12 +199,12 @@ def residual_remarks(residual: Unexplained) -> list[str]:
             f"{NON_STATIONARY}: load, slip angle, camber or temperature may change; record one state at a time"
         ]
     if residual.lock in SINGLE_TURNS:
-        also = (
+        other_axes = (
             [f"also {', '.join(f'{value:.2g} m/s² {axis}' for axis, value in residual.other_axes)}"]
             if residual.other_axes
             else []
         )
-        return [single_turns(residual), *also, f"most in {remark(residual.largest_in)}"]
+        return [single_turns(residual), *other_axes, f"most in {remark(residual.largest_in)}"]
     if residual.lock != "time":
         return []
     parts = []
@@ -219,8 +217,8 @@ def residual_remarks(residual: Unexplained) -> list[str]:
             + ": for example joints of the road, a bearing, a gear, a drum or another wheel"
         )
     elif residual.speeds is not None:
-        seen, there = residual.speeds
-        parts.append(f"at the same frequency at {'every speed' if seen == there else f'{seen} of {there} speeds'}")
+        count, total = residual.speeds
+        parts.append(f"at the same frequency at {'every speed' if count == total else f'{count} of {total} speeds'}")
     return [*parts, *_other_axes(residual)]
 
 
@@ -241,11 +239,11 @@ def drift_texts(residual: Unexplained) -> list[str]:
         rate, begin, end = (
             show_fitted(drift.parameter, fitted) for fitted in (drift.per_minute, drift.begin, drift.end)
         )
-        what = listed([_drifting(name) for name in (drift.name, *drift.rivals)], "or")
+        cause = listed([_drifting(name) for name in (drift.name, *drift.rivals)], "or")
         parameter = "" if drift.parameter == drift.name else f" {rate.label}"
         speed = f" {rate.joined()} per minute," if math.isfinite(drift.per_minute.value) else ""
         texts.append(
-            f"drift of {what}:{parameter}{speed} from {begin.joined()} to {end.joined()} in {remark(drift.label)}"
+            f"drift of {cause}:{parameter}{speed} from {begin.joined()} to {end.joined()} in {remark(drift.label)}"
         )
     return texts
 
@@ -256,40 +254,40 @@ def _drifting(name: str) -> str:
 
 
 def _other_axes(residual: Unexplained) -> list[str]:
-    also = ", ".join(f"{value:.2g} m/s² {axis}" for axis, value in residual.other_axes)
-    return [f"also {also}"] if also else []
+    other_axes = ", ".join(f"{value:.2g} m/s² {axis}" for axis, value in residual.other_axes)
+    return [f"also {other_axes}"] if other_axes else []
 
 
 def residual_sentence(residual: Unexplained) -> str:
     """Return a residual as one sentence, as in JSON."""
     size = f"{residual.rms_mps2:.2g} m/s^2 rms"
     if residual.changes:
-        most = f", most in {remark(residual.largest_in)}" if residual.largest_in else ""
+        group = f", most in {remark(residual.largest_in)}" if residual.largest_in else ""
         cause = "; ".join(drift_texts(residual)) or (
             "load, slip angle, camber or temperature may change: record one state at a time"
         )
         return (
-            f"{residual.axis} axis, {place_text(residual)}: {NON_STATIONARY}, by {size} about its mean{most}; {cause}"
+            f"{residual.axis} axis, {place_text(residual)}: {NON_STATIONARY}, by {size} about its mean{group}; {cause}"
         )
     if residual.lock in SINGLE_TURNS:
-        also = "".join(f", {value:.2g} m/s^2 {axis}" for axis, value in residual.other_axes)
+        others = "".join(f", {value:.2g} m/s^2 {axis}" for axis, value in residual.other_axes)
         return (
-            f"{residual.axis} axis, {place_text(residual)}: {size} over the turn{also}; {single_turns(residual)}; "
+            f"{residual.axis} axis, {place_text(residual)}: {size} over the turn{others}; {single_turns(residual)}; "
             f"most in {remark(residual.largest_in)}; scaling: {scaling_text(residual.scaling)}"
         )
     if residual.lock != "time":
-        where = "spread over the revolution"
+        place = "spread over the revolution"
         if residual.angle_rad is not None:
             low, high = (math.degrees(angle) for angle in residual.angle_rad)
-            where = f"between {low:.0f} and {high:.0f} deg of the contact's centre"
-        head = f"{residual.axis} axis, {place_text(replace(residual, angle_rad=None))}, {where}"
+            place = f"between {low:.0f} and {high:.0f} deg of the contact's centre"
+        head = f"{residual.axis} axis, {place_text(replace(residual, angle_rad=None))}, {place}"
         return f"{head}: {size}, repeats every revolution; scaling: {scaling_text(residual.scaling)}"
-    where = f"{residual.centre_hz:.1f} Hz" if math.isfinite(residual.centre_hz) else place_text(residual)
+    place = f"{residual.centre_hz:.1f} Hz" if math.isfinite(residual.centre_hz) else place_text(residual)
     if math.isfinite(residual.centre_order):
-        where = f"order {residual.centre_order:.2f} of the wheel"
+        place = f"order {residual.centre_order:.2f} of the wheel"
     notes = "".join(f"; {text}" for text in residual_remarks(residual))
     kind = "line" if residual.narrow else "band"
-    return f"{kind} at {where} on the {residual.axis} axis, {size}{notes}; scaling: {scaling_text(residual.scaling)}"
+    return f"{kind} at {place} on the {residual.axis} axis, {size}{notes}; scaling: {scaling_text(residual.scaling)}"
 
 
 def no_residual(diagnosis: Diagnosis, subject: str = "nothing") -> str:
@@ -376,21 +374,21 @@ def why_undetermined(diagnosis: Diagnosis, names: Sequence[str]) -> str:
     if not names:
         return ""
     noted = {note.code for note in diagnosis.notes if isinstance(note, Reason)}
-    for code, why in _NOTHING_DETERMINED.items():
+    for code, reason in _NOTHING_DETERMINED.items():
         if code in noted:
-            return why
+            return reason
     conditions = (("load", diagnosis.load_known), ("pressure", diagnosis.pressure_known))
-    assumed = [quantity for quantity, stated in conditions if not stated]
+    assumed = [quantity for quantity, is_stated in conditions if not is_stated]
     if assumed:
         return f"{listed(assumed)} assumed; state {'it' if len(assumed) == 1 else 'them'}"
     estimates = {name: estimate for name, estimate in diagnosis.estimates_after.items() if name in names}
     if any(isinstance(note, Reason) and _is_of_plane(note) for note in diagnosis.notes):
         return "too uncertain beside what is left unexplained: see the notes"
-    small = [name for name, estimate in estimates.items() if estimate.std < _LARGEST_RELATIVE_STD * abs(estimate.value)]
-    if len(small) == len(estimates):
+    too_small = [name for name, fitted in estimates.items() if fitted.std < criteria.DETERMINED * abs(fitted.value)]
+    if len(too_small) == len(estimates):
         return "too small to be measured; record at more loads"
-    beside = f"; {', '.join(small)}: too small to be measured" if small else ""
-    return f"standard error above 30 %; record longer, or at more loads{beside}"
+    addition = f"; {', '.join(too_small)}: too small to be measured" if too_small else ""
+    return f"standard error above {100.0 * criteria.DETERMINED:.0f} %; record longer, or at more loads{addition}"
 
 
 def _is_of_plane(note: Reason) -> bool:
@@ -444,10 +442,10 @@ def why_unsaved(diagnosis: Diagnosis) -> NoCorrection:
 
 def saved_text(diagnosis: Diagnosis) -> str:
     """Return which effects the saved correction holds, and which identified ones it does not, with the reason."""
-    held = (
+    saved = (
         ", ".join(effect_title(effect.name) for effect in diagnosis.correction.effects) if diagnosis.correction else ""
     )
-    return "; ".join([held, *_not_subtracted(diagnosis)])
+    return "; ".join([saved, *_not_subtracted(diagnosis)])
 
 
 def _not_subtracted(diagnosis: Diagnosis) -> list[str]:
