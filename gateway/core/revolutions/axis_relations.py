@@ -180,7 +180,7 @@ def _fit(
 ) -> _Fit:
     """Return the best fit of a spectrum, (m,), by factors, (j, m), over all lags; `predicted` is not fitted."""
     basis, triangle = _basis(factors)
-    # The square of shifted - predicted and its products with the basis are sums of the spectrum times the factors of a lag.
+    # The square of shifted - predicted and its products with the basis are sums of the spectrum by factors of a lag.
     columns = np.concatenate([spectrum * basis.conj().T, [spectrum * (0.0 if predicted is None else predicted.conj())]])
     # Real parts alone: half of the work of a complex product.
     products = _shifts(tuple(orders.tolist())) @ np.concatenate([columns.real, columns.imag], axis=1).T
