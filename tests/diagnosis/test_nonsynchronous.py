@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.reasons import Reason
 from gateway.diagnosis import criteria
 from gateway.diagnosis.data.campaign_data import Block, Group
+from gateway.diagnosis.data.group_statistics import label
 from gateway.diagnosis.effects.angle_orders import ORDERS
 from gateway.diagnosis.effects.catalogue import catalogue
 from gateway.diagnosis.effects.effect import GroupConditions, SpectrumEffect
@@ -19,8 +21,9 @@ from gateway.diagnosis.result import Finding, Scaling, ScalingStatus, Verdict
 from gateway.diagnosis.spectrum.nonsynchronous_density import Site
 from gateway.diagnosis.spectrum.nonsynchronous_diagnosis import UNKNOWN, TimeLocked, beside_larger, diagnose_time_locked
 from gateway.diagnosis.spectrum.nonsynchronous_spectra import group_spectra
+from gateway.diagnosis.spectrum.spectrum_sets import envelope_moment
 from gateway.diagnosis.spectrum.unexplained_spectrum import Part, parts_left
-from gateway.diagnosis.views.phrases import residual_remarks
+from gateway.diagnosis.views.phrases import reason_text, residual_remarks
 from tests.diagnosis.nonsynchronous_data import simulated_groups
 from tests.testkit.agreement import values_of
 
@@ -52,6 +55,19 @@ def noisy_group(speed_kmh: float, rng: np.random.Generator, seconds: float = 20.
 
 def added(group: Group, signal: np.ndarray) -> Group:
     return dataclasses.replace(group, deviations_mps2=(group.deviations_mps2[0] + signal,))
+
+
+def test_band_above_what_a_slow_recording_shows_is_no_envelope() -> None:
+    noise = np.random.default_rng(5).standard_normal((3, 4000))
+    assert envelope_moment([noise], 500.0, 2, (252.0, 300.0)) == (2.0, 0.0)
+    ratio, count = envelope_moment([noise], 500.0, 2, (225.0, 300.0))
+    assert (round(ratio), count) == (2, 201)
+
+
+def test_label_without_a_temperature_is_the_same_in_another_process() -> None:
+    of_unknown = label("a.mcap", dataclasses.replace(conditions(), temperature_degc=math.nan))
+    assert pickle.loads(pickle.dumps(of_unknown)) == of_unknown
+    assert reason_text(of_unknown) == "a.mcap: 80.0 km/h, 4000 N, 210 kPa"
 
 
 def named(result: TimeLocked) -> set[str]:

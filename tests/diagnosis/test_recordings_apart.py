@@ -170,6 +170,14 @@ def test_another_load_is_found_by_the_majority():
     assert unlike_loads(campaign, widths(0.203)) == {}
 
 
+def test_no_recording_is_outvoted_by_others_that_contradict_each_other():
+    states = [TireState(load_n, PRESSURE_PA) for load_n in (3500.0, 4500.0, 5500.0)]
+    campaign = campaign_of(tuple(conditions(60.0, load_n=state.load_n) for state in states))
+    values = zip(states, (0.16, 0.2, 0.25), strict=True)
+    widths = {str(state): Fitted(value, 0.002, quantity="Cw", state=state) for state, value in values}
+    assert unlike_loads(campaign, widths) == {}
+
+
 THREE = (conditions(60.0), conditions(40.0), conditions(60.0, load_n=5500.0))
 BACKWARDS = conditions(40.0, reverse=True)
 

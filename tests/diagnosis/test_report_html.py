@@ -16,6 +16,7 @@ from tests.testkit.diagnosis_data import NASTY, WARMER, curves, empty, nasty, or
 pytest.importorskip("matplotlib", reason="matplotlib (extra 'plot') is not installed")
 pytest.importorskip("jinja2", reason="jinja2 (extra 'plot') is not installed")
 
+from gateway.core.shown_units import ShownUnits, shown_in
 from gateway.core.text.page_figure import inline_svg, report_style
 from gateway.diagnosis.views import html
 from gateway.diagnosis.views.figures import order_coefficients, orders_figure, trend_figure, waveform_figure
@@ -430,6 +431,10 @@ def test_trends_are_in_display_units():
         figure = trend_figure([trends()[1]])
     assert figure.axes[0].get_xlabel() == "load, N"
     assert figure.axes[0].get_title(loc="left") == "circumferential"
+    warm = replace(trends()[1], against="temperature_degc", at=np.array([20.0, 40.0, 30.0, 25.0]))
+    with report_style(), shown_in(ShownUnits.US):
+        (panel,) = trend_figure([warm]).axes
+    assert panel.lines[0].get_xdata() == pytest.approx([68.0, 77.0, 86.0, 104.0])
 
 
 def test_sizes_of_single_recordings_stand_beside_that_of_all() -> None:

@@ -12,6 +12,7 @@ from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.result import Drift, Fitted, TireState, Verdict
 from gateway.diagnosis.views.diagnosis_json import diagnosis_json
 from gateway.diagnosis.views.html import diagnosis_html
+from gateway.diagnosis.views.phrases import remark
 from gateway.diagnosis.views.quantities import show_fitted, significant, span_text, typeset
 from gateway.diagnosis.views.terminal import LINE_WIDTH, closure_summary_lines
 from tests.testkit.diagnosis_data import empty, nasty, ordinary, undrawn
@@ -277,6 +278,7 @@ def test_angles_in_degrees_display_units_kept():
         ),
         ("before_order", Fitted(92.9, 0.4), "before contact: order", "92.90 ± 0.40"),
         ("Bs", Fitted(float("nan"), 1.0), "Bs", "—"),
+        ("zero_mps2", Fitted(300.0, 0.0, "m/s^2", 1 / 9.80665, "g"), "zero", "30.59 g"),
     ],
 )
 def test_labels_and_units(name, fitted, label, text):
@@ -297,6 +299,10 @@ def test_labels_and_units(name, fitted, label, text):
 )
 def test_typesetting(typed, printed):
     assert typeset(typed) == printed
+
+
+def test_a_remark_keeps_paths_and_psi():
+    assert remark("/home/pi/beta_1.mcap: 31.9 psi +- 1 m/s^2") == "/home/pi/beta_1.mcap: 31.9 psi ± 1 m/s²"
 
 
 @pytest.mark.parametrize(

@@ -108,6 +108,8 @@ def unlike_loads(campaign: Campaign, estimates: Mapping[str, Fitted]) -> dict[in
         if 2 * len(others) > len(all_recordings):
             outvoted[state] = float(np.median([widths[rival].value for rival in rivals])), len(others)
     sound = set().union(*(state_recordings for state, state_recordings in recordings.items() if state not in outvoted))
+    if not sound:  # all contradict each other
+        return {}
     return {
         number: Reason(DiagnosisCode.WIDTH_UNLIKE_OTHERS, value=widths[state].value, other=median, count=count)
         for state, (median, count) in outvoted.items()

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from scipy.ndimage import median_filter
 
-from gateway.core.reasons import Reason
+from gateway.core.reasons import Reason, Value
 from gateway.core.revolutions.angle_resampling import GRID_SIZE, angle_grid
 from gateway.core.types import FloatArray, IntArray
 from gateway.diagnosis.data.campaign_data import Block, Group
@@ -185,14 +185,17 @@ def _group(
 
 def label(name: str, conditions: GroupConditions) -> Reason:
     """Return the label of a group: recording, speed, load and pressure."""
+    degc = conditions.temperature_degc
+    # No NaN: once it has come from another process it differs from itself.
+    temperature: dict[str, Value] = {"temperature_degc": degc} if math.isfinite(degc) else {}
     return Reason(
         DiagnosisCode.GROUP_LABEL,
         recording=name,
         speed_mps=conditions.omega_radps * conditions.radius_m,
         load_n=conditions.load_n,
         pressure_pa=conditions.pressure_pa,
-        temperature_degc=conditions.temperature_degc,
-        temperature="known" if math.isfinite(conditions.temperature_degc) else "unknown",
+        **temperature,
+        temperature="known" if temperature else "unknown",
         way="reverse" if conditions.reverse else "forward",
     )
 

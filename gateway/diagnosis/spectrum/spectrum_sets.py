@@ -272,7 +272,7 @@ def envelope_moment(
     second = fourth = length = number = 0.0
     for run in runs:
         n = run.shape[1]
-        low, high = round(band[0] / rate_hz * n), round(band[1] / rate_hz * n) + 1
+        low, high = round(band[0] / rate_hz * n), min(round(band[1] / rate_hz * n), n // 2) + 1
         if high - low < 4:
             continue
         spectrum = np.fft.rfft(run[axis])[low:high]

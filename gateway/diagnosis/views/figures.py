@@ -193,7 +193,7 @@ def trend_figure(trends: Sequence[Trend]) -> Figure:
     panels = figure.subplots(1, len(trends), sharex=True, squeeze=False)[0]
     for panel, trend in zip(panels, trends, strict=True):
         order = np.argsort(trend.at, kind="stable")
-        abscissa = trend.at[order] * unit.factor
+        abscissa = trend.at[order] * unit.factor + unit.offset
         panel.plot(abscissa, trend.noise_mps2[order], "_", color=QUIET, ms=13.0, mew=1.6, label="noise of the mean")
         panel.plot(
             abscissa,

@@ -16,7 +16,7 @@ from gateway.diagnosis.effects.catalogue import catalogue
 from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.report.effect_contribution import MEASURED
 from gateway.diagnosis.result import Diagnosis, Finding, Scaling, ScalingStatus, SelfTest, Unexplained, Verdict
-from gateway.diagnosis.views.quantities import orders_text, parameter_label, show_fitted, span_text, typeset
+from gateway.diagnosis.views.quantities import in_print, orders_text, parameter_label, show_fitted, span_text
 
 MODELS: Final = {"paper": "the ring paper's series as printed", "exact": "the exact ring"}
 VERDICTS: Final = {Verdict.NAMED: "identified", Verdict.INDISTINGUISHABLE: "undecided", Verdict.REFUSED: "rejected"}
@@ -99,7 +99,7 @@ def named_sentences(names: Sequence[str]) -> Iterator[str]:
 
 def remark(value: Remark) -> str:
     """Return the text of a reason, or a user's own text, in print."""
-    return typeset(said(value))
+    return in_print(said(value))
 
 
 def said(value: Remark) -> str:

@@ -92,15 +92,16 @@ def show_fitted(name: str, fitted: Fitted | None, *, state: bool = True) -> Show
         value = factor * float(fitted.value) ** (-1.0 / power)
         std = value * float(fitted.std) / float(fitted.value) / power
         label = label.removeprefix(_INVERSE)
-        return ShownNumber(label, round_to_error(value, std).joined(), typeset(unit), value, std)
-    if fitted.std == 0.0 and float(fitted.value).is_integer():
-        return ShownNumber(label, f"{fitted.value:.0f}", typeset(fitted.display_unit or fitted.unit), fitted.value, 0.0)
+        return ShownNumber(label, round_to_error(value, std).joined(), in_print(unit), value, std)
+    if fitted.std == 0.0 and fitted.factor == 1.0 and float(fitted.value).is_integer():
+        unit = in_print(fitted.display_unit or fitted.unit)
+        return ShownNumber(label, f"{fitted.value:.0f}", unit, fitted.value, 0.0)
     suffix = next((suffix for suffix in UNITS if quantity.endswith(suffix) and len(quantity) > len(suffix)), "")
     factor, unit = fitted.factor, fitted.display_unit or fitted.unit
     if not fitted.display_unit and fitted.unit in ("", _SI.get(suffix)):
         factor, unit = shown_unit.factor, shown_unit.symbol
     value, std = float(fitted.value) * factor, float(fitted.std) * factor
-    return ShownNumber(label, round_to_error(value, std).joined(), typeset(unit), value, std)
+    return ShownNumber(label, round_to_error(value, std).joined(), in_print(unit), value, std)
 
 
 def parameter_label(name: str) -> str:
@@ -130,12 +131,17 @@ def _label(name: str) -> tuple[str, Unit]:
     return _LABELS.get(label) or clean(label), unit
 
 
-def typeset(text: str) -> str:
-    """Return a text, unit or equation in print: `N/m^2` -> `N/m²`, `omega` -> `ω`."""
+def in_print(text: str) -> str:
+    """Return a text or unit in print: `N/m^2` -> `N/m²`."""
     text = _POWER.sub(lambda match: _SUPERSCRIPT[match[1]], text)
     for typed, written in _TYPOGRAPHY.items():
         text = text.replace(typed, written)
-    return clean(_GREEK_WORD.sub(lambda match: match[1] + _GREEK[match[2]], text))
+    return clean(text)
+
+
+def typeset(text: str) -> str:
+    """Return an equation, or a text with parts of one, in print: `omega^2` -> `ω²`; `psi` is no unit."""
+    return _GREEK_WORD.sub(lambda match: match[1] + _GREEK[match[2]], in_print(text))
 
 
 def plain(value: float, std: float = math.nan) -> str:
