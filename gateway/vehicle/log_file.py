@@ -2,6 +2,7 @@
 
 import gzip
 import threading
+import zlib
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import replace
@@ -95,7 +96,7 @@ class LineLog(LogFile, ABC):
                     if not self.playback.wait_until(last_ns, stop, self._closed):
                         return
                     yield self.lines(self.link, last_ns, lines)
-        except (OSError, EOFError) as error:  # EOFError: a compressed file that is cut off
+        except (OSError, EOFError, zlib.error) as error:  # EOFError: a compressed file that is cut off
             reason = getattr(error, "strerror", None) or str(error)
             if not last_ns:
                 raise SourceError(f"cannot read '{self._path}': {reason}", "Check the file.") from error

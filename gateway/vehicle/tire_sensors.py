@@ -132,7 +132,8 @@ def measured(message: Mapping[str, Any]) -> dict[str, float]:
     values: dict[str, float] = {}
     for key, value in message.items():
         match = _KEY.fullmatch(key)
-        if match is None or not isinstance(value, int | float) or isinstance(value, bool) or not math.isfinite(value):
+        # math.isfinite would raise on an integer beyond all floats; NaN is not below either.
+        if match is None or not isinstance(value, int | float) or isinstance(value, bool) or not abs(value) < 1e12:
             continue
         unit = match[2].lower()
         if match[1] == "pressure" and unit in _PRESSURE_PA:

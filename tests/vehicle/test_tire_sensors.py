@@ -51,6 +51,8 @@ PUBLIC = [
     (b'{"id" : 918346460, "temperature_C" : 18, "pressure_kPa" : 170.000, "mic" : "CRC"}', (170_000.0, 18.0)),
     (b'{"id": 1, "pressure_bar": 2.2, "temperature_F": 75.2, "mic": "CRC"}', (220_000.0, 24.0)),
     (b'{"id": 1, "pressure_hPa": 2200, "temperature_C": true, "pressure_kPa_std": 3}', (220_000.0, None)),
+    (b'{"id": 1, "pressure_kPa": 1' + b"0" * 400 + b', "temperature_C": -1' + b"0" * 400 + b"}", (None, None)),
+    (b'{"id": 1, "pressure_kPa": NaN, "temperature_C": -Infinity}', (None, None)),
     (
         b'{"time" : "@0.184300s", "model" : "Ford", "type" : "TPMS", "id" : "45bb320f", "code" : "6ad446", '
         b'"mic" : "CHECKSUM"}',
@@ -324,6 +326,18 @@ def test_what_a_log_begins_with_comes_with_its_first_message(tmp_path) -> None:
     first, second, _ = items_of(f"rtl433:{path}?speed=max")
     assert (first.host_ns // S, first.data) == (1719835200, banner + line(time="1719835200"))
     assert second.host_ns // S == 1719835201
+
+
+def test_damaged_packed_log_plays_what_it_has(tmp_path) -> None:
+    path, whole = tmp_path / "tpms.json.gz", gzip.compress(line(time="1719835200") + line(time="1719835260"))
+    damaged = whole[:10] + b"\xff" * 99
+    path.write_bytes(whole + damaged)
+    *items, lost, ended = items_of(f"rtl433:{path}?speed=max")
+    assert items[0].host_ns // S == 1719835200
+    assert (lost.kind, ended.kind) == (LinkEventKind.LOST, LinkEventKind.ENDED)
+    path.write_bytes(damaged)
+    with pytest.raises(SourceError, match="cannot read .* invalid block type"):
+        items_of(f"rtl433:{path}?speed=max")
 
 
 def test_cut_log_plays_what_it_has(tmp_path) -> None:
