@@ -18,6 +18,8 @@ _YAW_STD: Final = 0.02
 _SPEED_STD: Final = 0.01
 # Standard error of a yaw rate of zero: the drift of its sensor.
 _YAW_ZERO_RADPS: Final = 0.005
+# Least time over which a course changes: the error of its rate is that of a receiver that sends once a second.
+_COURSE_SPAN_NS: Final = 900_000_000
 # A longitude that changes by more has passed 180 degrees, between which there is nothing to interpolate.
 _HALF_TURN_DEG: Final = 180.0
 
@@ -227,8 +229,8 @@ class Reading(NamedTuple):
         value: in SI, a position in degrees.
         age_s: time since the last value before it.
         nearest_s: time to the nearest value that it rests on.
-        slope_per_s: change of the value per second between the two latest values that it rests on, of a course by the
-            shorter way round; NaN with only one.
+        slope_per_s: change of the value per second between the two latest values that it rests on, of a course over
+            about a second, by the shorter way round; NaN with only one.
     """
 
     value: float
@@ -281,15 +283,21 @@ class SignalHistory:
             nearest_s = min(age_ns, times_ns[after] - at_ns) * 1e-9
             if abs(change) < _HALF_TURN_DEG or key not in self._positions:
                 value += age_ns / interval_ns * change
-            return Reading(value, age_ns * 1e-9, nearest_s, change / interval_ns * 1e9)
-        slope_per_s = math.nan
-        if after > 1 and before_ns - times_ns[after - 2] <= max_age_ns:
-            change = self._change(key, value - values[after - 2])
-            slope_per_s = change / (before_ns - times_ns[after - 2]) * 1e9
+            return Reading(value, age_ns * 1e-9, nearest_s, self._slope_per_s(key, after))
+        slope_per_s = self._slope_per_s(key, after - 1)
         # A vehicle goes on: within a second it may be 50 m further.
         if key in self._positions and abs(slope_per_s) < _HALF_TURN_DEG:
             value += slope_per_s * age_ns * 1e-9
         return Reading(value, age_ns * 1e-9, age_ns * 1e-9, slope_per_s)
+
+    def _slope_per_s(self, key: str, last: int) -> float:
+        times_ns, values = self._times_ns[key], self._values[key]
+        span_ns = _COURSE_SPAN_NS if key in self._courses else 0
+        first = min(last, bisect_right(times_ns, times_ns[last] - span_ns)) - 1
+        interval_ns = times_ns[last] - times_ns[first]
+        if first < 0 or interval_ns > span_ns + self._max_age_ns[key]:
+            return math.nan
+        return self._change(key, values[last] - values[first]) / interval_ns * 1e9
 
     def _change(self, key: str, change: float) -> float:
         return math.remainder(change, 2.0 * math.pi) if key in self._courses else change

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from gateway.core.trust.turn_verdict import Witness
 from gateway.core.trust.wheel_pairs import WheelPairs
 from gateway.forces.reasons import ForceCode
 from gateway.forces.shared_turn import SharedTurn
-from gateway.vehicle.vehicle_signals import RECEIVER_SIGNALS, Quantity, SignalHistory, VehicleSignal
+from gateway.vehicle.vehicle_signals import COURSE_RATE, RECEIVER_SIGNALS, Quantity, SignalHistory, VehicleSignal
 from gateway.vehicle.vehicle_witness import VehicleJoin
 from tests.testkit.curving_car import SPEED_MPS, drive, results
 
@@ -74,3 +75,17 @@ def test_yaw_rate_with_the_other_sign_does_not_overrule_the_speeds_of_an_axle() 
     pairs = compared(bus(0.1, -1.0), results("FL"), results("FR"))
     assert {pairs.axis(wheel).sign for wheel in ("FL", "FR")} == {1}
     assert alarms(pairs) == {(wheel, TrustCode.YAW_RATE_REVERSED) for wheel in ("FL", "FR")}
+
+
+@pytest.mark.parametrize("rate_hz", [1, 5, 10])
+def test_error_of_the_rate_of_a_course_is_its_scatter_however_often_the_receiver_sends(made, rate_hz: int) -> None:
+    result, history, rng = made.result(), SignalHistory(RECEIVER_SIGNALS), np.random.default_rng(6)
+    speed_mps = result.revolution.omega_radps * result.conditions.radius_m
+    for k in range(600 * rate_hz):
+        at_ns = BEGIN_NS + round(1e9 * (k + rng.uniform(0.0, 0.2)) / rate_hz)
+        history.add("course_rad", at_ns, rng.normal(0.0, 0.05 / speed_mps) % (2.0 * math.pi))
+    join = VehicleJoin(history)
+    revolutions = [join.joined(replace(result, host_ns=BEGIN_NS * second)) for second in range(5, 600)]
+    rates = [rate for revolution in revolutions for rate in revolution.estimates if rate.name == COURSE_RATE]
+    assert len(rates) == len(revolutions)
+    assert 0.7 < np.std([rate.value for rate in rates]) / rates[0].std < 1.3
