@@ -38,7 +38,7 @@ def split_uri(uri: str) -> UriParts:
 
 def _target(text: str) -> str:
     """Return a target without its escapes; a file that has them in its name is meant as it is written."""
-    plain, written = unquote(text), text.replace("%23", "#")
+    plain, written = unquote(text, errors="surrogateescape"), text.replace("%23", "#")
     # pathlib would raise on names that no file can have.
     with suppress(OSError, ValueError):
         if plain != written and Path(written).exists() and not Path(plain).exists():

@@ -49,7 +49,7 @@ def replay(
     """
     from gateway.core.cli.session_setup import start_session
 
-    uri = f"replay:{quote(str(recording))}?speed={speed}"
+    uri = f"replay:{quote(str(recording), errors='surrogateescape')}?speed={speed}"
     with stop_request() as stop:
         session = start_session(
             (uri,),

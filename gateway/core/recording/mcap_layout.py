@@ -232,7 +232,8 @@ def encode_json(payload: Mapping[str, Any]) -> bytes:
     JSON has no NaN, and plotting programs treat a missing field as a gap.
     """
     fields = {key: value for key, raw in payload.items() if (value := _json_value(raw)) is not None}
-    return json.dumps(fields, separators=(",", ":"), allow_nan=False, ensure_ascii=False).encode()
+    text = json.dumps(fields, separators=(",", ":"), allow_nan=False, ensure_ascii=False)
+    return text.encode(errors="backslashreplace")  # half a surrogate pair becomes its JSON escape
 
 
 def _json_value(value: Any) -> Any:

@@ -100,7 +100,8 @@ class RunDescription:
 
     def to_json(self) -> str:
         """Return the description as JSON, without what is not stated."""
-        return json.dumps(self.as_dict(), ensure_ascii=False, sort_keys=True)
+        # Bytes of an option that are no UTF-8 become JSON escapes.
+        return json.dumps(self.as_dict(), ensure_ascii=False, sort_keys=True).encode(errors="backslashreplace").decode()
 
     def as_dict(self) -> dict[str, Any]:
         """Return what is stated as plain values in SI units."""
@@ -161,7 +162,7 @@ def read_notes(recording: Path) -> tuple[Note, ...]:
     path = notes_path(recording)
     try:
         data = read_bounded(path, _MAX_NOTES_BYTES)
-        lines = data[: data.rfind(b"\n") + 1 or None].decode().splitlines()
+        lines = data[: data.rfind(b"\n") + 1 or None].decode().split("\n")
     except FileNotFoundError:
         return ()
     except (OSError, UnicodeDecodeError) as error:
@@ -232,7 +233,7 @@ def copy_notes(recording: Path, copy: Path) -> None:
 
 def _line(note: Note) -> bytes:
     entries = {"utc": note.utc, "comment": note.comment, "tags": list(note.tags)}
-    return json.dumps(entries, ensure_ascii=False).encode() + b"\n"
+    return json.dumps(entries, ensure_ascii=False).encode(errors="backslashreplace") + b"\n"
 
 
 def _not_written(path: Path, error: OSError) -> RecordingError:

@@ -39,6 +39,7 @@ from tests.testkit.commands import invoked
         ("serial:/dev/ttyUSB0:115200", "serial", "/dev/ttyUSB0", {"baudrate": "115200"}),
         ("serial:///dev/ttyUSB0:115200?rate=4800", "serial", "/dev/ttyUSB0", {"rate": "4800", "baudrate": "115200"}),
         ("replay:run #3 100%.mcap?speed=max", "replay", "run #3 100%.mcap", {"speed": "max"}),
+        ("replay:dr%FC%20%231.mcap", "replay", "dr\udcfc #1.mcap", {}),
         ("can:a+b#1.blf?dbc=c+d %23.dbc", "can", "a+b#1.blf", {"dbc": "c+d #.dbc"}),
         ("sim:demo?fault=gap+flip:rate=0.1", "sim", "demo", {"fault": "gap+flip:rate=0.1"}),
     ],
@@ -96,6 +97,11 @@ def test_options_estimators_and_outputs_are_proposed() -> None:
         with pytest.raises(SinkError) as wrong_output:
             open_sink(uri, SinkSetting())
         assert f"Did you mean {meant}?" in wrong_output.value.remedy
+
+
+def test_replay_looks_for_the_file_whose_name_is_no_utf8(tmp_path: Path) -> None:
+    done = invoked("replay", tmp_path / "dr\udcfc #1.mcap")
+    assert r"dr\udcfc #1.mcap' does not exist" in str(done.exception)
 
 
 def test_file_without_a_scheme_has_its_commands(tmp_path: Path) -> None:

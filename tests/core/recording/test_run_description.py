@@ -39,6 +39,16 @@ _RUN = st.builds(
 WET = RunDescription("Braking 3", "Ada", "gusts", ("wet", "abs"), {"FL": TireIdentity("Acme", "3524")})
 
 
+def test_notes_with_other_line_separators_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "drive.mcap"
+    notes = tuple(Note("2026-01-01T00:00:00.000Z", f"dry{separator}wet") for separator in "\u2028\u2029\x85\r\n")
+    for note in notes:
+        add_note(path, note)
+    file = notes_path(path)
+    file.write_bytes(file.read_bytes().replace(b"\n", b"\r\n"))  # as an editor of Windows leaves them
+    assert read_notes(path) == notes
+
+
 @given(st.integers(0, 60))
 def test_a_note_after_half_a_note_is_read(tmp_path_factory: pytest.TempPathFactory, cut: int) -> None:
     path = tmp_path_factory.mktemp("notes") / "drive.mcap"
@@ -56,6 +66,15 @@ def test_a_note_after_half_a_note_is_read(tmp_path_factory: pytest.TempPathFacto
 @given(_RUN)
 def test_description_reads_back(run: RunDescription) -> None:
     assert parse_description(run.to_json()) == run
+
+
+def test_text_that_utf8_cannot_encode_reads_back(tmp_path: Path) -> None:
+    path, run = tmp_path / "drive.mcap", RunDescription(comment="M\udcfcller", tags=("\ud83d",))
+    note = Note("2026-01-01T00:00:00.000Z", "M\udcfcller", ("\ud83d",))
+    RecordingWriter(path, start_ns=0, run=run).close()
+    add_note(path, note)
+    assert RecordingReader(path).info.run == run
+    assert read_notes(path) == (note,)
 
 
 @given(st.text() | st.recursive(st.none() | st.integers(), lambda inner: st.dictionaries(_TEXT, inner)).map(json.dumps))

@@ -325,6 +325,14 @@ def test_numbers_that_are_not_finite_are_left_out(tmp_path: Path) -> None:
     assert messages["/wheel/FL/waveform"] == {"index": 4, "radial_mps2": [1.0, None]}
 
 
+def test_topics_take_text_that_utf8_cannot_encode(tmp_path: Path) -> None:
+    writer = RecordingWriter(tmp_path / "r.mcap", start_ns=0)
+    log = {"level": 2, "text": "Größe T\ud83d"}
+    writer.write_topic("/log", 1, log)
+    writer.close()
+    assert [json.loads(message.data) for message in RecordingReader(writer.path).messages()] == [log]
+
+
 def test_unknown_topics_and_missing_fields_are_errors(tmp_path: Path) -> None:
     writer = RecordingWriter(tmp_path / "r.mcap", start_ns=0)
     with pytest.raises(ValueError, match="no schema for topic '/wheel/FL/wear'"):
