@@ -111,6 +111,8 @@ class SplitWriter:
         if isinstance(item, LinkEvent):
             self._current.write(item)
             return
+        if not self._links:
+            self._begin_ns = item.host_ns  # recorded data have times of their own
         self._links.add(item.link)
         if self._is_due(item.host_ns):
             self._begin_part(item.host_ns)

@@ -94,6 +94,18 @@ def test_links_without_hello_go_on_at_a_chunk(tmp_path: Path) -> None:
     assert bytes_of == [bytes([second]) for second in range(40)]
 
 
+@pytest.mark.parametrize("ahead_s", [-100_000_000, 100_000_000])
+def test_recorded_times_are_split_by_themselves(tmp_path: Path, ahead_s: int) -> None:
+    """A recording that is replayed has times of its own, far from those of the session."""
+    begin_s = START_NS // S + ahead_s
+    writer = SplitWriter(opened, tmp_path / "r.mcap", START_NS, Split(duration_ns=10 * S))
+    for second in range(35):
+        writer.write(BusFrames("can:bus", (begin_s + second) * S, b""))
+    writer.close()
+    counts = [sum(1 for _ in RecordingReader(path).items()) for path in sorted(tmp_path.iterdir())]
+    assert counts == [10, 10, 5, 10]  # r-2, r-3, r-4, r
+
+
 def test_oldest_files_of_the_session_are_removed_and_others_stay(tmp_path: Path) -> None:
     other = tmp_path / "another.mcap"
     other.write_bytes(b"of another session")
