@@ -139,10 +139,14 @@ class Radio:
         return self._scanners.setdefault(adapter, SharedScanner(adapter))
 
 
-@cache
+_made_radio: Final = cache(Radio)
+_making_radio: Final = threading.Lock()
+
+
 def radio() -> Radio:
-    """Return the process's radio, started at its first use."""
-    return Radio()
+    """Return the process's radio, started at its first use; links are opened by several threads at once."""
+    with _making_radio:
+        return _made_radio()
 
 
 class SharedScanner:

@@ -2,6 +2,9 @@
 
 import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +16,7 @@ from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Frame, MessageType, SampleBlock
 from gateway.core.clock import ManualClock
 from gateway.core.errors import LinkLostError, SourceError
+from gateway.core.links import ble_radio
 from gateway.core.links.ble_link import BleLink, BleSettings
 from gateway.core.links.ble_source import BleSource, scan_devices
 from gateway.core.links.reasons import LinkCode
@@ -48,6 +52,20 @@ def data(reader: Reader, count: int) -> bytes:
 
 def send(bluez: BluezStandIn, hub: Peripheral, payloads: list[bytes]) -> None:
     assert bluez.run(bluez.service.notify(hub, payloads)) == len(payloads)
+
+
+def test_links_that_are_opened_at_once_share_one_radio(monkeypatch: pytest.MonkeyPatch) -> None:
+    both = threading.Barrier(2)
+
+    def made() -> object:
+        with suppress(threading.BrokenBarrierError):
+            both.wait(0.1)  # until another thread also makes one
+        return object()
+
+    monkeypatch.setattr(ble_radio, "_made_radio", cache(made))
+    with ThreadPoolExecutor(2) as threads:
+        first, second = (threads.submit(ble_radio.radio) for _ in range(2))
+    assert first.result() is second.result()
 
 
 def test_scan_reports_signal_and_battery(bluez: BluezStandIn, hub: Peripheral) -> None:
