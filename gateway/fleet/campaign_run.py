@@ -109,6 +109,7 @@ class CampaignRun:
         work: estimates one recording in a worker.
         retries_failed: whether recordings are tried again that are known to fail.
         progress: the state.
+        contents: of the files considered, each with the first path at which it was found, by recording.
     """
 
     dataset: Dataset
@@ -121,8 +122,8 @@ class CampaignRun:
     work: Callable[..., Estimated] = estimate_recording
     retries_failed: bool = False
     progress: CampaignProgress = field(default_factory=CampaignProgress)
+    contents: dict[str, FileContent] = field(default_factory=dict)
     _jobs: dict[str, FileContent] = field(default_factory=dict)
-    _seen: dict[str, FileContent] = field(default_factory=dict)
     _sizes: dict[Path, int] = field(default_factory=dict)
     _tasks: WorkerTasks | None = None
     _begin_ns: int = 0
@@ -186,14 +187,11 @@ class CampaignRun:
             self._count_failure(path, failure)
             self._settle(path)
             return
-        for replaced in self.dataset.replaced_by(content):
-            if replaced in self._seen:
-                self.dataset.keep(self._seen[replaced])
-        if content.recording_id in self._seen:
+        if content.recording_id in self.contents:
             self.progress.copies += 1
             self._settle(path)
             return
-        self._seen[content.recording_id] = content
+        self.contents[content.recording_id] = content
         is_done = self.dataset.done(content.recording_id, key)
         if is_done and self._take_wheels(content):
             self.dataset.clear_failure(content)
@@ -219,6 +217,9 @@ class CampaignRun:
 
     def _finished(self, event: TaskResult, key: str) -> None:
         content = self._jobs.pop(event.token)
+        for replaced in self.dataset.replaced_by(content):
+            if replaced in self.contents:  # found at another path, by the time that this is done
+                self.dataset.keep(self.contents[replaced])
         outcome: Estimated | None = event.outcome
         failure = outcome.failure if outcome is not None else None
         if outcome is None:
@@ -278,10 +279,10 @@ class CampaignRun:
         self.on_progress(self.progress)
 
     def _follow_renamed(self, paths: Sequence[Path]) -> None:
-        """Give contents whose path is not among the files any more the path at which they were found."""
-        stated_keys = {path_key(path) for path in paths}
-        for content in self._seen.values():
-            self.dataset.follow(content, stated_keys)
+        """Give contents whose path is gone, or has another content, the path at which they were found."""
+        copy_keys = {path_key(path) for path in paths} - {path_key(seen.path) for seen in self.contents.values()}
+        for content in self.contents.values():
+            self.dataset.follow(content, copy_keys)
 
 
 def run_order(work: Callable[..., Estimated], order: EstimationOrder, on_bytes: Callable[[int], None]) -> Estimated:

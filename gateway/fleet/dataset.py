@@ -179,10 +179,10 @@ class Dataset:
         self._forget(old)
         self._remember(new)
 
-    def follow(self, content: FileContent, campaign_keys: Collection[str]) -> None:
-        """Note the new path of a content whose old path, by its identity, is not in the campaign any more."""
+    def follow(self, content: FileContent, copy_keys: Collection[str]) -> None:
+        """Note the path at which a content was found, unless its old one is, by its identity, that of a copy."""
         key = self._done.get(content.recording_id)
-        if key is not None and key.path not in campaign_keys:
+        if key is not None and key.path not in copy_keys:
             self.keep(content)
 
     def commit(

@@ -13,6 +13,7 @@ from gateway import __version__
 from gateway.core.config.vehicle import VehicleConfig
 from gateway.core.errors import OutputError, TreadlinkError
 from gateway.core.reasons import Reason
+from gateway.core.recording.file_content import FileContent
 from gateway.core.table_columns import DIAGNOSIS_COLUMNS
 from gateway.core.text.plain_values import plain
 from gateway.core.text.text import storable
@@ -31,7 +32,7 @@ MOST_RECORDINGS: Final = 12
 """Recordings of a diagnosis: the time that it takes grows with their number."""
 
 _POLL_S: Final = 0.1
-_COLUMNS: Final = ("recording_id", "path", "position", "sensor_id", "start_utc", "speed_mean_mps", "revolutions_valid")
+_COLUMNS: Final = ("recording_id", "position", "sensor_id", "start_utc", "speed_mean_mps", "revolutions_valid")
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +104,7 @@ class DiagnosisCounts:
 def diagnose_tires(
     dataset: Dataset,
     tasks: Callable[[], WorkerTasks],
-    campaign_paths: Collection[Path],
+    contents: Mapping[str, FileContent],
     *,
     config: VehicleConfig | None,
     key_file: Path | None,
@@ -115,7 +116,7 @@ def diagnose_tires(
     Args:
         dataset: with the rows of the recordings.
         tasks: returns the tasks of the workers.
-        campaign_paths: its recordings; others of the dataset may not exist any more.
+        contents: of its files, by recording; files of other recordings may not exist any more.
         config: configuration for all recordings, None for the one in each.
         key_file: keys of signed frames.
         stop: event that asks to stop.
@@ -126,7 +127,7 @@ def diagnose_tires(
     """
     counts = DiagnosisCounts()
     orders: dict[str, tuple[DiagnosisOrder, list[Path]]] = {}
-    for tire, rows in _tires(dataset.root, campaign_paths).items():
+    for tire, rows in _tires(dataset.root, contents).items():
         vehicle, _, sensor_id = tire
         if len(rows) > 1 and not is_identified(vehicle, sensor_id):
             counts.add(tire, TireOutcome(text(Reason(FleetCode.TIRE_UNIDENTIFIED, recordings=len(rows)))))
@@ -142,12 +143,11 @@ def diagnose_tires(
         )
         name = f"{tire_key}-{key}"
         old = list((dataset.root / DIAGNOSES).glob(f"*/*/{tire_key}-*.parquet"))
-        if done := [path for path in old if path.name == f"{name}.parquet"]:
-            outcome = outcome_in(done[0])
+        if outcome := next((outcome_in(path) for path in old if path.name == f"{name}.parquet"), None):
             counts.made_before += not outcome.failure
             counts.add(tire, outcome)
             continue
-        paths = tuple(Path(str(row["path"])) for row in chosen)
+        paths = tuple(contents[row["recording_id"]].path for row in chosen)
         start_ns = min(int(row["start_utc"]) for row in chosen)
         part = dataset.incoming / f"{name}.parquet"
         orders[name] = DiagnosisOrder(*tire, paths, start_ns, config, key_file, part), old
@@ -164,13 +164,13 @@ def diagnose_tires(
             continue
         running.discard(event.token)
         order, old = orders[event.token]
-        outcome = event.outcome
-        if outcome is None:
-            outcome = _write_failure(order, event.ended or Reason(FleetCode.WORKER_ENDED))
-        dataset.replace_files(DIAGNOSES, [(order.part, order.vehicle, order.start_ns, f"{event.token}.parquet")], old)
+        outcome, name = event.outcome, event.token
+        if outcome is None:  # a fault of the workers, not of the tire: the next run tries it again
+            outcome, name = _write_failure(order, event.ended or Reason(FleetCode.WORKER_ENDED)), f"{name}.again"
+        dataset.replace_files(DIAGNOSES, [(order.part, order.vehicle, order.start_ns, f"{name}.parquet")], old)
         counts.made += not outcome.failure
         counts.add((order.vehicle, order.position, order.sensor_id), outcome)
-        on_tire(counts.made + counts.failed, len(orders))
+        on_tire(len(orders) - len(waiting) - len(running), len(orders))
     if running:
         tasks().cancel()
     return counts
@@ -181,10 +181,11 @@ def diagnose_tire(order: DiagnosisOrder, _: Callable[[int], None] = lambda _: No
 
     Raises:
         OutputError: the dataset cannot be written.
+        MemoryError: the worker has no memory left.
     """
     try:
         diagnosis = diagnose_agreeing(order.paths, order.position, vehicle=order.config, key_file=order.key_file)
-    except OutputError:
+    except (OutputError, MemoryError):
         raise
     except TreadlinkError as error:
         return _write_failure(order, Reason(DiagnosisCode.RECORDING_NOT_USED, message=str(error)))
@@ -233,12 +234,12 @@ def _head(order: DiagnosisOrder, used: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def outcome_in(path: Path) -> TireOutcome:
-    """Return what the file of a tire states."""
-    import pyarrow.parquet as pq
-
-    with pq.ParquetFile(path) as file:
-        row: dict[str, Any] = file.read(["code", "text", "left_out"]).to_pylist()[0]
+def outcome_in(path: Path) -> TireOutcome | None:
+    """Return what the file of a tire states, None where it cannot be read."""
+    rows = read_rows(path, ("code", "text", "left_out"))
+    if not rows:
+        return None
+    row = rows[0]
     if row["code"]:
         return TireOutcome(str(row["text"]))
     return TireOutcome(left_out=tuple(str(reason["text"]) for reason in json.loads(row["left_out"] or "[]")))
@@ -251,12 +252,11 @@ def _write_failure(order: DiagnosisOrder, reason: Reason) -> TireOutcome:
     return TireOutcome(text(reason))
 
 
-def _tires(root: Path, paths: Collection[Path]) -> dict[tuple[str, str, str], list[dict[str, Any]]]:
+def _tires(root: Path, recording_ids: Collection[str]) -> dict[tuple[str, str, str], list[dict[str, Any]]]:
     """Return the rows of the given recordings by (vehicle, position, sensor)."""
-    given_paths = {storable(str(path)) for path in paths}
     tires: dict[tuple[str, str, str], list[dict[str, Any]]] = defaultdict(list)
     for vehicle, row in _recording_rows(root):
-        if row["path"] in given_paths and row["revolutions_valid"]:
+        if row["recording_id"] in recording_ids and row["revolutions_valid"]:
             tires[vehicle, str(row["position"]), str(row["sensor_id"] or "")].append(row)
     return tires
 

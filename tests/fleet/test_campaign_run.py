@@ -119,6 +119,40 @@ def test_copy_keeps_rows_of_changed_original(campaign, recordings, made, tmp_pat
     assert is_whole(tmp_path)
 
 
+def test_new_file_with_the_name_of_a_renamed_one_replaces_nothing(campaign, recordings, workers, tmp_path, monkeypatch):
+    first, moved = recordings / "run.mcap", recordings / "run_old.mcap"
+    (recordings / "drive0.mcap").rename(first)
+    campaign(first)
+    first.rename(moved)
+    (recordings / "drive1.mcap").rename(first)
+    is_found = threading.Event()
+
+    def on_progress(progress: CampaignProgress) -> None:
+        if progress.done_before:
+            is_found.set()
+
+    # The renamed file is found while a worker has the new one.
+    wait = workers.wait
+    monkeypatch.setattr(workers, "places", lambda: 2)
+    monkeypatch.setattr(workers, "wait", lambda timeout_s: wait(timeout_s) if is_found.is_set() else None)
+    campaign_read = campaign(first, moved, on_progress=on_progress)
+    assert (campaign_read.estimated, campaign_read.done_before) == (1, 1)
+    assert len(rows(tmp_path, "recordings")) == 2
+    assert is_whole(tmp_path)
+
+
+def test_exchanged_names_are_followed(campaign, recordings, made, tmp_path):
+    first, second = recordings / "drive0.mcap", recordings / "drive1.mcap"
+    campaign(first, second)
+    shutil.copy(made / first.name, second)
+    shutil.copy(made / second.name, first)
+    assert campaign(first, second).done_before == 2
+    shutil.copy(made / "drive2.mcap", first)
+    campaign(first)
+    assert names(tmp_path) == ["drive0.mcap", "drive0.mcap"]
+    assert is_whole(tmp_path)
+
+
 def test_other_code_on_a_worker_is_an_error(campaign, recordings, tmp_path):
     with pytest.raises(TreadlinkError, match="another version of the estimators"):
         campaign(recordings / "drive0.mcap", code="other")

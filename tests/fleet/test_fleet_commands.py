@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import Future
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -17,22 +18,26 @@ import pytest
 from click.testing import CliRunner
 
 from gateway.core.cli import treadlink
-from gateway.core.errors import OutputError
+from gateway.core.errors import ConfigError, OutputError
 from gateway.core.estimates.estimator import Status
 from gateway.core.reasons import Reason
+from gateway.core.recording.file_content import FileContent, read_content
 from gateway.diagnosis.reasons import DiagnosisCode
-from gateway.fleet.dataset import Description, opened
+from gateway.diagnosis.result import Diagnosis
+from gateway.fleet.dataset import Dataset, Description, opened
 from gateway.fleet.local_tasks import LocalTasks
 from gateway.fleet.recording_estimation import estimate_names
 from gateway.fleet.tire_diagnoses import (
     MOST_RECORDINGS,
     DiagnosisOrder,
+    TireOutcome,
     _chosen,
     _tires,
     diagnose_tire,
     diagnose_tires,
     outcome_in,
 )
+from gateway.fleet.worker_tasks import RunningTask, WorkerTasks
 from tests.fleet.conftest import MEMORY_BYTES
 from tests.fleet.test_campaign_run import is_whole, names, rows
 from tests.testkit.campaign_recordings import write_recording
@@ -272,7 +277,7 @@ def test_a_foreign_file_does_not_stop_the_diagnoses(campaign, recordings, tmp_pa
     first, *_ = (tmp_path / "dataset" / "recordings").rglob("*.parquet")
     first.with_name("mine.parquet").write_text("no Parquet file")
     first.with_name("a-b-c.parquet").write_text("no Parquet file")
-    tires = _tires(tmp_path / "dataset", [path.resolve() for path in recordings.iterdir()])
+    tires = _tires(tmp_path / "dataset", [read_content(path).recording_id for path in recordings.iterdir()])
     assert [len(rows) for rows in tires.values()] == [1, 2]
     assert isinstance(next(iter(tires.values()))[0]["start_utc"], int)
 
@@ -281,9 +286,120 @@ def test_unknown_tires_are_not_diagnosed_together(tmp_path, monkeypatch):
     rows_of = {("unknown", "FL", ""): [{}, {}]}
     monkeypatch.setattr("gateway.fleet.tire_diagnoses._tires", lambda *_: rows_of)
     with opened(tmp_path / "dataset", Description((), (), "none"), lambda _: False) as dataset:
-        counts = diagnose_tires(dataset, no_workers, (), config=None, key_file=None, stop=threading.Event())
+        counts = diagnose_tires(dataset, no_workers, {}, config=None, key_file=None, stop=threading.Event())
     assert counts.failed == 1
     assert "2 recordings have neither a vehicle's name nor a sensor's number" in counts.reasons[0][1]
+
+
+class TasksDoneHere(WorkerTasks):
+    """Tasks that are done in this process, one at a time, as soon as they are given."""
+
+    def places(self) -> int:
+        return 1
+
+    def read_bytes(self, token: str) -> int:
+        return 0
+
+    def cancel(self) -> None:
+        self._running.clear()
+
+    def _begin(self, task: RunningTask) -> Future[object]:
+        future: Future[object] = Future()
+        try:
+            future.set_result(task.work(task.order, lambda _: None))
+        except MemoryError as error:
+            future.set_exception(error)
+        return future
+
+    def _outcome(self, task: RunningTask) -> object:
+        return task.future.result()
+
+
+@pytest.fixture
+def diagnose(tmp_path, monkeypatch):
+    """Return what diagnoses tires, each known by a row, and gives the counts and the calls of `on_tire`."""
+
+    def run(tires, why: Exception | None = None):
+        def diagnosed(paths, *_: object, **__: object) -> Diagnosis:
+            if why is not None:
+                raise why
+            return replace(undrawn(), recordings=tuple(map(str, paths)))
+
+        calls: list[tuple[int, int]] = []
+        pool = TasksDoneHere()
+        monkeypatch.setattr("gateway.fleet.tire_diagnoses._tires", lambda *_: tires)
+        monkeypatch.setattr("gateway.fleet.tire_diagnoses.diagnose_agreeing", diagnosed)
+        with opened(tmp_path / "dataset", Description((), (), "none"), lambda _: False) as dataset:
+            counts = diagnose_tires(
+                dataset,
+                lambda: pool,
+                {"a": FileContent(tmp_path / "a.mcap", "a", 1, 1)},
+                config=None,
+                key_file=None,
+                stop=threading.Event(),
+                on_tire=lambda *call: calls.append(call),
+            )
+        return counts, calls
+
+    return run
+
+
+ROW = {"recording_id": "a", "start_utc": 0, "speed_mean_mps": 20.0}
+TIRE = {("van 7", "FL", ""): [ROW]}
+
+
+def test_tire_whose_worker_had_no_memory_is_diagnosed_by_the_next_run(diagnose, tmp_path):
+    for _ in range(2):
+        counts, _ = diagnose(TIRE, MemoryError())
+        assert [reason for _, reason in counts.reasons] == ["its worker process had no memory left"]
+        assert [row["code"] for row in rows(tmp_path, "diagnoses")] == ["worker_memory_full"]
+    counts, _ = diagnose(TIRE)
+    assert (counts.made, counts.made_before, counts.failed) == (1, 0, 0)
+    assert [row["code"] for row in rows(tmp_path, "diagnoses") if row["code"]] == []
+    counts, _ = diagnose(TIRE)
+    assert (counts.made, counts.made_before) == (0, 1)
+
+
+def test_tire_with_a_lasting_failure_is_not_diagnosed_again(diagnose):
+    diagnose(TIRE, ConfigError("no use", "none"))
+    counts, calls = diagnose(TIRE)
+    assert (counts.made, counts.failed, calls) == (0, 1, [(0, 0)])
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5])
+def test_tire_whose_file_is_cut_off_is_diagnosed_again(diagnose, tmp_path, share):
+    diagnose(TIRE)
+    (file,) = (tmp_path / "dataset" / "diagnoses").rglob("*.parquet")
+    content = file.read_bytes()
+    file.write_bytes(content[: int(share * len(content))])
+    counts, _ = diagnose(TIRE)
+    assert (counts.made, counts.made_before) == (1, 0)
+    assert rows(tmp_path, "diagnoses")
+
+
+def test_progress_of_the_diagnoses_leaves_out_tires_that_failed_before(diagnose):
+    diagnose(TIRE, ConfigError("no use", "none"))
+    _, calls = diagnose({**TIRE, ("van 7", "FR", ""): [ROW]})
+    assert calls == [(0, 1), (1, 1)]
+
+
+@pytest.mark.usefixtures("started")
+def test_tires_of_moved_recordings_are_diagnosed_where_they_are(recordings, tmp_path, monkeypatch):
+    dataset = str(tmp_path / "dataset")
+    invoked("campaign", str(recordings), "--out", dataset, *FEW)
+    moved = recordings.rename(tmp_path / "moved")
+    given: list[Path] = []
+
+    def diagnosed(order: DiagnosisOrder, _: object) -> TireOutcome:
+        given.extend(order.paths)
+        return TireOutcome()
+
+    monkeypatch.setattr("gateway.fleet.local_tasks.LocalTasks", lambda *_: nullcontext(TasksDoneHere()))
+    monkeypatch.setattr("gateway.fleet.tire_diagnoses.diagnose_tire", diagnosed)
+    monkeypatch.setattr(Dataset, "replace_files", lambda *_: None)
+    done = invoked("campaign", str(moved), "--out", dataset, *FEW, "--diagnose")
+    assert "tires: 2 diagnosed, 0 done before, 0 without a diagnosis" in done.output, done.output
+    assert sorted(given) == sorted(moved.iterdir())
 
 
 def test_recordings_that_a_diagnosis_leaves_out_are_in_its_row(tmp_path, monkeypatch):

@@ -199,7 +199,7 @@ def campaign(
                 counts = diagnose_tires(
                     dataset,
                     connect,
-                    recording_paths,
+                    run.contents,
                     config=settings.vehicle,
                     key_file=key_file,
                     stop=stop,
