@@ -143,7 +143,10 @@ def without_marked(trends: FleetTrends, marks: Mapping[str, FindingMark]) -> Fle
     hidden = 0
     tires = []
     for tire in trends.tires:
-        visible = tuple(finding for finding in tire.findings if not _is_hidden(tire, finding, marks, newest))
+        # Of several findings with one key, the last is marked and stands for all.
+        last = {finding_key(tire, finding): finding for finding in tire.findings}
+        hidden_keys = {key for key, finding in last.items() if _is_hidden(finding, marks.get(key), newest)}
+        visible = tuple(finding for finding in tire.findings if finding_key(tire, finding) not in hidden_keys)
         hidden += len(tire.findings) - len(visible)
         tires.append(replace(tire, findings=visible))
     if not hidden:
@@ -152,8 +155,7 @@ def without_marked(trends: FleetTrends, marks: Mapping[str, FindingMark]) -> Fle
     return replace(trends, tires=tuple(tires), notes=(*trends.notes, note))
 
 
-def _is_hidden(tire: TireTrend, finding: Reason, marks: Mapping[str, FindingMark], newest: str) -> bool:
-    mark = marks.get(finding_key(tire, finding))
+def _is_hidden(finding: Reason, mark: FindingMark | None, newest: str) -> bool:
     if mark is None or (mark.state is MarkState.PUT_OFF and newest >= mark.until):
         return False
     size, std = size_of(finding)

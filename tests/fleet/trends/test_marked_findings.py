@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from gateway.core.errors import TreadlinkError
-from gateway.core.reasons import Reason
+from gateway.core.reasons import CoreCode, Reason
 from gateway.fleet.reasons import FleetCode
 from gateway.fleet.trends.fleet_analysis import analyse
 from gateway.fleet.trends.marked_findings import FILE, finding_key, read_marks, set_marks, without_marked
@@ -51,6 +51,21 @@ def test_marked_finding_comes_back_when_it_grows_only(tmp_path, trends, state):
 def test_finding_that_is_put_off_comes_back_on_its_day(tmp_path, trends):
     marks = set_marks(tmp_path, trends, [f"{key_of(trends)}=put-off:2026-05-01"])
     assert without_marked(trends, marks).tires[0].findings
+
+
+@pytest.mark.parametrize("changes", [(3.0, -2.5), (6.0, 4.0)])
+def test_mark_hides_all_findings_with_its_key_until_the_last_grows(tmp_path, trends, changes):
+    def with_changes(*sizes: float) -> FleetTrends:
+        findings = tuple(Reason(CoreCode.TREND_LEVEL_CHANGED, name="Ts", change=size, std=0.1) for size in sizes)
+        return replace(trends, tires=(replace(trends.tires[0], findings=findings),))
+
+    two = with_changes(*changes)
+    marks = set_marks(tmp_path, two, [f"{finding_key(two.tires[0], two.tires[0].findings[0])}=closed"])
+    shown = without_marked(two, marks)
+    assert shown.tires[0].findings == ()
+    assert shown.notes[-1]["count"] == 2
+    grown_again = with_changes(changes[0], 2.0 * changes[1])
+    assert without_marked(grown_again, marks) == grown_again
 
 
 @pytest.mark.parametrize("mark", ["nothing=closed", "KEY=shut", "KEY=put-off:soon", "KEY=closed:2026-05-01", "KEY"])
