@@ -112,6 +112,11 @@ def test_statements_are_made_better_until_the_error_is_printed(monkeypatch):
     assert better_statements(lab, [Want("wear_mm", 0.6)], speeds, revolutions=50) == ([], [])
 
 
+def test_no_statement_makes_a_drive_without_a_revolution_better():
+    lab, slow_mps = load_scenario("lab"), 5.0 / 3.6
+    assert better_statements(lab, [Want("wear_mm", 0.5)], [slow_mps], revolutions=1) == ([], [])
+
+
 def test_command_says_what_is_not_reached(tmp_path, monkeypatch):
     monkeypatch.setattr(least_sensor, "RATES_HZ", (2000.0,))
     out = tmp_path / "least.json"
