@@ -153,11 +153,11 @@ class FoxgloveSink(Sink):
             self._write(wheel_topic(wheel.position, "waveform"), payload, host_ns)
 
     def _write_notices(self, item: PublishedState) -> None:
-        """Log the notices that are new since the last state."""
+        """Log the notices that are new since the last state; one may equal an older one."""
         notices = item.snapshot.notices
-        new_notices = notices[notices.index(self._logged) + 1 :] if self._logged in notices else notices
+        begin = max((end for end, notice in enumerate(notices, 1) if notice is self._logged), default=0)
         at_s, rest_ns = divmod(item.host_ns, 1_000_000_000)
-        for notice in new_notices:
+        for notice in notices[begin:]:
             if self._log is not None:
                 self._log.log(
                     Log(

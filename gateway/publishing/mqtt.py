@@ -68,6 +68,7 @@ _SETTLED_S: Final = 30.0
 _MAX_RETAINED: Final = 10_000
 _ONLINE: Final = b"online"
 _OFFLINE: Final = b"offline"
+_WITH_WILL: Final = "Disconnect with will message"
 
 
 def open_mqtt(address: SinkAddress, setting: SinkSetting) -> MqttSink:
@@ -288,7 +289,9 @@ class MqttSink:
     def close(self) -> None:
         """Disconnect; what is not confirmed is sent again after `open`."""
         if self._client.is_connected():
-            self._client.disconnect()
+            # A broker that has not taken the last message publishes the will.
+            is_told = self._has_ended and not self._window
+            self._client.disconnect(None if is_told else ReasonCode(PacketTypes.DISCONNECT, _WITH_WILL))
             self._client.loop(0.0)
 
     def _state_topic(self, payload: JsonObject) -> str:

@@ -108,9 +108,8 @@ class PageSink(Sink):
         self._snapshot: SessionSnapshot | None = None
         self._pages: set[_Page] = set()
         self._marks, self._recordings = _Pace(5, 1.0), _Pace(4, 10.0)
-        self._number = 0
         # Encoded once for all pages, by what they were made from.
-        self._state: tuple[int, bytes] = (0, b"")
+        self._state: tuple[SessionSnapshot | None, bytes] = (None, b"")
         self._waveforms: dict[str, tuple[object, bytes]] = {}
 
     # The sink: all calls from its thread
@@ -131,7 +130,6 @@ class PageSink(Sink):
                 self._history.add(item.result)
         elif isinstance(item, PublishedState):
             self._snapshot = item.snapshot
-            self._number += 1
             self._server.call(self._wake)
 
     def flush(self, stop: threading.Event) -> int:
@@ -170,26 +168,27 @@ class PageSink(Sink):
                 page.is_sending = True
                 while page.replies:
                     await page.connection.send(page.replies.pop(0), text=True)
-                if self._snapshot is None:
+                snapshot = self._snapshot
+                if snapshot is None:
                     page.is_sending = False
                     continue
-                if page.state != self._number:
-                    page.state, state = self._encoded_state(self._snapshot)
-                    await page.connection.send(state, text=True)
+                if page.state is not snapshot:
+                    page.state = snapshot
+                    await page.connection.send(self._encoded_state(snapshot), text=True)
                 await self._send_waveform(page)
                 if page.trend and loop.time() >= page.trend_due_s:
                     page.trend_due_s = loop.time() + _TREND_S
                     await self._send_trend(page)
                 page.is_sending = False
 
-    def _encoded_state(self, snapshot: SessionSnapshot) -> tuple[int, bytes]:
-        if self._state[0] != self._number:
+    def _encoded_state(self, snapshot: SessionSnapshot) -> bytes:
+        if self._state[0] is not snapshot:
             control = self._session()
             form = control.run_form if control is not None and control.may_record else None
             with shown_in(snapshot.units):
                 state = page_state(snapshot, run_form=form)
-            self._state = self._number, encoded(state)
-        return self._state
+            self._state = snapshot, encoded(state)
+        return self._state[1]
 
     async def _send_waveform(self, page: _Page) -> None:
         snapshot = self._snapshot
@@ -292,7 +291,7 @@ class PageSink(Sink):
         """Wait until no page has anything to take, for a moment at most."""
         with suppress(TimeoutError):
             async with asyncio.timeout(_LAST_STATE_S):
-                while any(page.is_sending or page.state != self._number for page in self._pages):
+                while any(page.is_sending or page.state is not self._snapshot for page in self._pages):
                     await asyncio.sleep(0.01)
 
 
@@ -319,7 +318,7 @@ class _Page:
         self.news = asyncio.Event()
         self.replies: list[bytes] = []
         self.is_sending = False
-        self.state = -1
+        self.state: SessionSnapshot | None = None
         self.wheel = ""
         self.waveform: object = None
         self.trend = ""

@@ -101,7 +101,8 @@ class SinkWorker:
     def offer(self, item: Item) -> None:
         """Append an item; it is dropped and counted when the buffer is full, and a state replaces the last one."""
         if isinstance(item, PublishedState):
-            self._state = item
+            with self._lock:
+                self._state = item
             return
         if self._alarms_only and isinstance(item, PublishedRevolution):
             return
@@ -241,12 +242,13 @@ class SinkWorker:
 
     def _serve_once(self) -> bool:
         """Send the next item, or do what there is to do without one; return whether the session has ended."""
+        is_ending = self._ending.is_set()
         if self._pending_item is None:
             self._pending_item = self._next()
         item = self._pending_item
         if item is not None:
             self._send(item)
-        elif self._ending.is_set() and self._state is None:
+        elif is_ending and self._state is None:
             self._sink.flush(self._stop)
             self._enter(SinkState.UP, self._refusal or Reason(CoreCode.SINK_CLOSED))
             return True
@@ -268,7 +270,10 @@ class SinkWorker:
         state, now_ns = self._state, self._clock.now_ns()
         is_due = now_ns - self._state_sent_ns >= _STATE_INTERVAL_NS
         if state is not None and (not self._buffer or (is_due and not state.snapshot.ended)):
-            self._state, self._state_sent_ns = None, now_ns
+            self._state_sent_ns = now_ns
+            with self._lock:
+                # A state that has come meanwhile is the next one.
+                self._state = None if self._state is state else self._state
             return state
         return self._buffer.get(0.0 if self._ending.is_set() else _IDLE_S)
 
@@ -293,7 +298,7 @@ class SinkWorker:
         _logger.info("%s: %s", self.name, text(note))
         with suppress(Exception):
             self._sink.close()
-        if isinstance(self._pending_item, PublishedState):
+        if isinstance(self._pending_item, PublishedState) and not self._pending_item.snapshot.ended:
             self._pending_item = None
         self._failures += 1
         self._enter(SinkState.DOWN, note)

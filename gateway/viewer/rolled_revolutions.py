@@ -69,8 +69,8 @@ class RolledRevolutions:
 
     def _table(self, wheel: str) -> FloatArray:
         """Return end time, hub time of the begin and number of each revolution, (3, n)."""
-        rows = self._rows.get(wheel, ())
-        return self._tables[wheel] if wheel in self._tables else np.array(rows).reshape(-1, _FIELDS).T
+        rows = self._rows.get(wheel, ())  # copied below in one step: `read` cannot extend rows that numpy holds
+        return self._tables[wheel] if wheel in self._tables else np.asarray(rows[:]).reshape(-1, _FIELDS).T
 
     def time_s(self, wheel: str, number: int) -> float | None:
         """Return the end time of the revolution with a number, or of the next one there is; None after the last."""

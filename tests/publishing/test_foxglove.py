@@ -6,7 +6,9 @@ import threading
 from collections import defaultdict
 from collections.abc import Iterable
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from hypothesis import given
@@ -15,6 +17,8 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from gateway.core.clock import SystemClock
+from gateway.core.links.reasons import LinkCode
+from gateway.core.reasons import Notice, Reason
 from gateway.publishing.foxglove_server import FoxgloveSink, channel_schema
 from gateway.publishing.origin_gate import is_admitted
 from gateway.publishing.sink_worker import SinkWorker
@@ -99,6 +103,19 @@ def test_viewer_gets_numbers_states_and_log(items, sink) -> None:
     schema = json.loads(by_topic["/wheel/FL/revolution"]["schema"])
     assert by_topic["/wheel/FL/revolution"]["schemaEncoding"] == "jsonschema"
     assert schema["properties"]["speed_mps"]["type"] == "number"
+
+
+def test_notice_that_comes_again_is_logged_each_time_it_comes(items) -> None:
+    sink, log = FoxgloveSink("127.0.0.1", 0), Mock()
+    sink._log = log
+    connected, lost, again = (
+        Notice("hub", Reason(code)) for code in (LinkCode.LINK_CONNECTED, LinkCode.LINK_LOST, LinkCode.LINK_CONNECTED)
+    )
+    for notices in ((connected,), (connected, lost, again), (connected, lost, again), (lost, again)):
+        snapshot = replace(items[-1].snapshot, notices=notices)
+        sink.send(replace(items[-1], snapshot=snapshot), threading.Event())
+    sink.close()
+    assert log.log.call_count == 3
 
 
 def test_port_in_use_is_named_and_waited_for(items, sink) -> None:

@@ -182,6 +182,14 @@ def test_late_last_will_is_corrected(items, broker, listener) -> None:
     until(lambda: listener.of("car/status") == ["online", "offline", "online", "offline"])
 
 
+def test_output_that_is_abandoned_is_offline(broker, listener) -> None:
+    _, sink = open_sink(f"mqtt://127.0.0.1:{broker.port}/car", SinkSetting())
+    sink.open(threading.Event())
+    until(lambda: sink.poll() or listener.of("car/status") == ["online"])
+    sink.close()
+    until(lambda: listener.of("car/status") == ["online", "offline"])
+
+
 def test_stalled_broker_loses_nothing(items, broker, listener) -> None:
     worker = begin(f"mqtt://127.0.0.1:{broker.port}/car")
     worker.offer(items[0])

@@ -4,6 +4,7 @@ import dataclasses
 import json
 import math
 import re
+import threading
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
@@ -23,12 +24,13 @@ from gateway.core.reasons import Notice, Reason
 from gateway.core.session.reasons import SessionCode
 from gateway.core.shown_units import ShownUnits
 from gateway.core.text.numbers import Unit
-from gateway.publishing import page_listener
+from gateway.publishing import page_listener, page_server
 from gateway.publishing.page_server import PageSink
 from gateway.publishing.publisher import open_publisher
 from gateway.publishing.sink import PublishedRevolution, PublishedState, SinkError, SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
 from gateway.publishing.web_page.drive_face import place_on_car, rounded
+from gateway.publishing.web_page.page_state import page_state
 from tests.testkit.waiting import TIMEOUT_S, until
 from tools.browser import FAINT_TEXT, Tab
 
@@ -350,6 +352,19 @@ def test_slow_page_holds_nobody_and_gets_the_latest(served, items) -> None:
         while next_of(slow, "state")["elapsed"] != f"0:00:{states}":
             seen += 1
     assert seen < states
+
+
+def test_state_that_comes_while_the_one_before_is_written_is_shown(served, items, monkeypatch) -> None:
+    def overtaken(snapshot, run_form):
+        if not snapshot.elapsed_s:
+            later = dataclasses.replace(snapshot, elapsed_s=7)
+            served.sink.send(dataclasses.replace(items[-1], snapshot=later), threading.Event())
+        return page_state(snapshot, run_form=run_form)
+
+    monkeypatch.setattr(page_server, "page_state", overtaken)
+    with guest(served) as connection:
+        show(served, items[-1:], lambda snapshot: dataclasses.replace(snapshot, elapsed_s=0))
+        assert [next_of(connection, "state")["elapsed"] for _ in range(2)] == ["0:00:00", "0:00:07"]
 
 
 def test_port_that_is_taken_is_an_error_at_once(served) -> None:

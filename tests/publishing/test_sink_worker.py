@@ -173,6 +173,36 @@ def test_states_replace_each_other(items) -> None:
     assert 1 <= receiver.states <= 2
 
 
+def test_state_that_comes_while_one_is_taken_is_sent(items) -> None:
+    class Offering(ManualClock):
+        """A clock at whose look a newer state comes."""
+
+        def now_ns(self) -> int:
+            for state in newer:
+                newer.clear()
+                worker.offer(state)
+            return super().now_ns()
+
+    newer: list[PublishedState] = []
+    worker = SinkWorker("test:x", Receiver(), Offering())
+    states = [replace(items[-1], host_ns=index) for index in range(2)]
+    worker.offer(states[0])
+    newer.append(states[1])
+    assert [worker._next(), worker._next(), worker._state] == [*states, None]
+
+
+def test_end_of_a_session_is_told_after_a_lost_connection(items) -> None:
+    receiver, clock = Receiver(), PausesClock()
+    receiver.present.clear()
+    worker = SinkWorker("test:x", receiver, clock)
+    ended = replace(items[-1], snapshot=replace(items[-1].snapshot, ended=True))
+    for state, remaining in ((replace(ended, snapshot=replace(ended.snapshot, ended=False)), None), (ended, ended)):
+        worker._pending_item = state
+        worker._stop.set()
+        worker._back_off(Reason(PublishingCode.SINK_LOST, error="x", interval_s=1.0))
+        assert worker._pending_item is remaining
+
+
 def test_unconfirmed_items_count_as_dropped(items) -> None:
     receiver = Receiver()
     receiver.unconfirmed = 2

@@ -2,6 +2,8 @@
 
 import json
 import math
+import threading
+from array import array
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -23,6 +25,7 @@ from gateway.viewer import level_cache, recording_view
 from gateway.viewer.chunk_index import RecordedPart, chunk_index
 from gateway.viewer.order_waterfall import OrderWaterfall, magnitudes
 from gateway.viewer.recording_view import RecordingView
+from gateway.viewer.rolled_revolutions import RolledRevolutions
 from gateway.viewer.sample_levels import SampleLevels, SampleTimes
 from gateway.viewer.view_server import ViewServer
 from tests.testkit.campaign_recordings import write_recording
@@ -174,6 +177,17 @@ def test_every_revolution_is_reached_by_its_number(view, recorded) -> None:
     middle = every["W0", counted[3]]
     inside_s = (middle.host_ns - view.begin_ns) * 1e-9 - 0.5 * middle.revolution.period_s
     assert view.revolution("W0", inside_s)[2] == counted[3]
+
+
+def test_question_while_the_estimates_are_made_does_not_end_them() -> None:
+    rolled, rows = RolledRevolutions(1.0), array("d", bytes(24 * 400_000))
+    rolled._rows["W0"] = rows
+    asking = threading.Thread(target=lambda: [rolled.time_s("W0", 5) for _ in range(5)])
+    asking.start()
+    while asking.is_alive():
+        rows.extend((1.0, 1.0, 1.0))
+    asking.join()
+    assert rolled.time_s("W0", 1) == 1.0
 
 
 def test_magnitudes_of_orders_are_amplitudes() -> None:
