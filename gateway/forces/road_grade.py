@@ -226,9 +226,9 @@ class RoadGradeEstimator(RevolutionEstimator):
         self._gravity += (current.gravity - self._gravity) / min(self._count, _HORIZON)
         if self._gravity < _MIN_GRAVITY:
             self._last = None
-            self._change.interrupt()
             return (Estimate.invalid(NAME, Reason(ForceCode.NO_GRAVITY_ALONG, share=self._gravity)),)
-        if self._last is None:
+        # A hub that restarts begins its time again.
+        if self._last is None or current.time_s <= self._last.time_s:
             self._start(current, conditions)
         else:
             previous_mps2 = self._acceleration_mps2
@@ -268,6 +268,8 @@ class RoadGradeEstimator(RevolutionEstimator):
 
     def _start(self, current: _Force, conditions: TireConditions) -> None:
         """Start the filter at its prior."""
+        self._change.interrupt()
+        self._last_excess_mps2 = math.nan
         yaw = conditions.tilt.yaw_std_rad
         stds = [_SPEED_STD * current.speed_mps, _HILL_MPS2, _MOUNTAIN_MPS2, _CONSTANT_M, _CONSTANT_MPS2, yaw]
         self._covariance = np.diag(np.square([*stds, _GAIN_STD, _SLIP_ANGLE_STD, _SLIP_STD]))

@@ -127,7 +127,7 @@ class RoadRoughnessEstimator:
         part. Never raises on values.
         """
         crossings, unusable = _crossings(revolution, average, revolution.omega_radps * conditions.radius_m)
-        if crossings is None or revolution.index != self._next:
+        if crossings is None or revolution.index != self._next or not revolution.follows:
             self._contacts, self._leading_rad = [], math.nan
         self._next = revolution.index + 1
         if crossings is not None:

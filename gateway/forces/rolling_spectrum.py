@@ -52,7 +52,7 @@ class RollingSpectrum:
         if reason is not None:
             self._clear()
             return False, reason
-        if revolution.index != self._next:
+        if revolution.index != self._next or not revolution.follows:
             self._clear()
         self._add(revolution, average)
         is_new = False

@@ -69,15 +69,20 @@ def test_steady_grade_is_provisional_and_within_its_error() -> None:
     assert abs(last.value - HILL_RAD) < 2.5 * last.std < math.radians(3.0)
 
 
-def statuses(seed: int, rise_rad: float) -> list[Status]:
-    """Return those of 400 revolutions of a hub that bounces, on a grade that rises after half of them."""
+def bouncing(seed: int, rise_rad: float, uptime_s: float | None = None) -> list[Estimate]:
+    """Return those of 400 revolutions of a hub that bounces, on a grade that rises after half of them.
+
+    Where its uptime at the start is given, the hub restarts after 300 of them.
+    """
     rng = np.random.default_rng(seed)
     wave = make_revolution(exact_wave(solution()))
     average = extended(RunningAverage(), wave)
     shape = belt_kinematics(average.radial_mps2, 0.0, 0.5 * (average.leading_edge_rad + average.trailing_edge_rad))
     sine, cosine = np.sin(shape.inclination_rad), np.cos(shape.inclination_rad)
-    estimator, given, time_s, speed = RoadGradeEstimator(), [], 0.0, RADIUS_M * OMEGA
+    estimator, given, time_s, speed = RoadGradeEstimator(), [], uptime_s or 0.0, RADIUS_M * OMEGA
     for index in range(400):
+        if index == 300 and uptime_s is not None:
+            time_s = 2.0
         pace = 1.5 * math.sin(0.4 * time_s)
         period_s = math.tau * RADIUS_M / speed
         force = pace + STANDARD_GRAVITY_MPS2 * math.sin(0.02 + rise_rad * (index >= 200)) + rng.normal(0.0, 0.25)
@@ -85,10 +90,21 @@ def statuses(seed: int, rise_rad: float) -> list[Status]:
         axes = np.stack([along, np.zeros_like(along), wave.axes_mps2[2]])
         rolled = replace(wave, axes_mps2=axes, start_s=time_s, period_s=period_s, omega_radps=speed / RADIUS_M)
         rolled = replace(rolled, omega_dot_radps2=pace / RADIUS_M)
-        given.append(estimator.update(rolled, average, CONDITIONS)[0].status)
+        given.append(estimator.update(rolled, average, CONDITIONS)[0])
         time_s += period_s
         speed += pace * period_s
     return given
+
+
+def statuses(seed: int, rise_rad: float) -> list[Status]:
+    return [estimate.status for estimate in bouncing(seed, rise_rad)]
+
+
+@pytest.mark.parametrize("uptime_s", [12.0, 600.0, 7200.0])
+def test_a_hub_that_restarts_gives_the_grade_again(uptime_s: float) -> None:
+    for estimate in bouncing(11, 0.06, uptime_s)[300:]:
+        assert abs(estimate.value - 0.08) < 3.0 * estimate.std
+        assert 0.002 < estimate.std < 0.1
 
 
 def test_noise_of_a_steady_grade_is_no_change_however_long_it_lasts() -> None:

@@ -16,12 +16,14 @@ from gateway.core.estimates.results import RevolutionResult
 from gateway.core.estimates.tire_data import TireData
 from gateway.core.estimates.wheel_setup import WheelSetup
 from gateway.core.reasons import Reason, codes_of
+from gateway.core.revolutions.angle_resampling import angle_grid
 from gateway.core.trust.reasons import TrustCode
 from gateway.core.wheels.tire_estimates import _Series
 from gateway.core.wheels.wheels import Pipeline
 from gateway.forces.cavity import CavityEstimator
 from gateway.forces.reasons import ForceCode
 from gateway.forces.road_roughness import RoadRoughnessEstimator, class_letter
+from gateway.forces.rolling_spectrum import SPECTRUM_S, RollingSpectrum
 from gateway.simulator.road_profile import QuarterCar, RoadProfile, RoadRide, roughness_m3
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.simulation import simulate
@@ -62,6 +64,32 @@ def test_road_needs_speed_and_revolutions() -> None:
     slow = estimator.update(REVOLUTION, AVERAGE, replace(CONDITIONS, radius_m=0.05))
     assert codes_of(slow[0].reasons) == (ForceCode.TOO_SLOW_FOR_ROAD,)
     assert codes_of(estimator.update(REVOLUTION, AVERAGE, CONDITIONS)[0].reasons) == (TrustCode.NEEDS_REVOLUTIONS,)
+
+
+def road_over_dropout(gap_s: float) -> Estimate:
+    """Return the class after 70 revolutions on a rough road, a dropout before the 25th of them."""
+    rng, estimator, angles = np.random.default_rng(2), RoadRoughnessEstimator(), angle_grid(len(REVOLUTION.radial_mps2))
+    for index in range(70):
+        radial = np.interp(angles / (1.0 + rng.normal(0.0, 0.02)), angles, REVOLUTION.radial_mps2)
+        start_s = index * REVOLUTION.period_s + gap_s * (index >= 25)
+        revolution = replace(REVOLUTION, index=index, start_s=start_s, radial_mps2=radial)
+        revolution = replace(revolution, follows=index > 0 and not (gap_s and index == 25))
+        result, _ = estimator.update(revolution, AVERAGE, CONDITIONS)
+    return result
+
+
+def test_contacts_before_and_after_a_dropout_are_no_row() -> None:
+    whole, interrupted = road_over_dropout(0.0), road_over_dropout(2.0)
+    assert interrupted.status is whole.status is Status.VALID
+    assert abs(interrupted.value - whole.value) < whole.std
+
+
+@pytest.mark.parametrize("gap_at", [None, 20])
+def test_spectrum_is_of_uninterrupted_rolling(gap_at: int | None) -> None:
+    spectrum = RollingSpectrum()
+    count = math.ceil(SPECTRUM_S / REVOLUTION.period_s)
+    revolutions = (replace(REVOLUTION, index=index, follows=index != gap_at) for index in range(1, count + 1))
+    assert any(spectrum.take(revolution, AVERAGE)[0] for revolution in revolutions) is (gap_at is None)
 
 
 def test_profile_has_the_density_of_its_class() -> None:
