@@ -19,6 +19,7 @@ from gateway.core.revolutions.contact_edges import error_beyond_definition
 from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.session.recording_pass import RecordingPass, open_recording
 from gateway.core.session.session_parts import RigChannel, RigChannels, open_rig_channels
+from gateway.forces.known_runs import PRESSURE_KPA, pressure_fault
 from gateway.forces.tire_fit import LoadFit, TirePoint
 
 ESTIMATOR: Final = "weak-form"
@@ -101,7 +102,8 @@ def no_points_error(positions: Sequence[str]) -> TreadlinkError:
     position_hint = f", and must be one of {', '.join(positions)}." if positions else "."
     return TreadlinkError(
         "no wheel of these recordings can be used",
-        f"A wheel needs a stated load, a pressure and {MIN_REVOLUTIONS} valid revolutions{position_hint}",
+        "A wheel needs a stated load, a pressure of {:.0f} to {:.0f} kPa".format(*PRESSURE_KPA)
+        + f" and {MIN_REVOLUTIONS} valid revolutions{position_hint}",
     )
 
 
@@ -124,12 +126,15 @@ def _point(name: str, valid: Sequence[RevolutionResult], rig: RigChannels, *, is
     pressures = [result.conditions.pressure_pa for result in valid if result.conditions.pressure_pa is not None]
     if not pressures:
         return "its pressure is unknown"
+    pressure_pa = float(np.mean(pressures))
+    if (fault := pressure_fault(pressure_pa)) is not None:
+        return fault
     temperatures = [r.conditions.temperature_degc for r in valid if r.conditions.temperature_degc is not None]
     return TirePoint(
         name=name,
         load_n=load_n,
         load_std_n=load_std_n,
-        pressure_pa=float(np.mean(pressures)),
+        pressure_pa=pressure_pa,
         half_angle_rad=float(
             np.median([0.5 * (r.revolution.trailing_edge_rad - r.revolution.leading_edge_rad) for r in valid])
         ),

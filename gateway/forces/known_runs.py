@@ -3,12 +3,16 @@
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Final, Literal, TypeVar
 
 from pydantic import Field
 
 from gateway.core.config.validation import Fault, Section, above, parse_document, read_text, show, within
 from gateway.core.config.vehicle import POSITION_PATTERN
+from gateway.core.errors import CalibrationError
+
+PRESSURE_KPA: Final = (10.0, 1500.0)
+"""Gauge pressures that the table of a calibration can state."""
 
 
 class KnownRun(Section):
@@ -96,6 +100,24 @@ def load_runs(kind: type[RunsT], path: Path) -> RunsT:
 def run_recordings(path: Path, runs: Sequence[KnownRun]) -> tuple[Path, ...]:
     """Return the recordings of a runs file, each once, although several runs may be parts of it."""
     return tuple(dict.fromkeys(path.parent / run.recording for run in runs))
+
+
+def pressure_fault(pressure_pa: float | None) -> str | None:
+    """Return why no calibration can be made at a mean pressure, None where one can or the pressure is not known."""
+    low, high = PRESSURE_KPA
+    if pressure_pa is None or low <= 1e-3 * pressure_pa <= high:
+        return None
+    return f"its pressure is {1e-3 * pressure_pa:.1f} kPa, {low:.0f} to {high:.0f} kPa are required"
+
+
+def check_pressure(name: str, pressure_pa: float | None) -> None:
+    """Check the mean pressure of a run.
+
+    Raises:
+        CalibrationError: no calibration can be made at it.
+    """
+    if (fault := pressure_fault(pressure_pa)) is not None:
+        raise CalibrationError(f"{name}: {fault}", "Check tire and pressure sensor, or leave out the run.")
 
 
 def _faults(data: Mapping[str, Any]) -> Iterator[Fault]:

@@ -23,6 +23,7 @@ from gateway.core.estimates.estimator import Revolution, TireConditions
 from gateway.core.revolutions.contact_edges import EDGE_MODEL_STD_RAD
 from gateway.core.revolutions.sensor_mounting import MOUNTING_STD_RAD, RollCalibration
 from gateway.core.types import FloatArray
+from gateway.forces.known_runs import check_pressure
 from gateway.forces.lateral_deformation import ORDERS, chord_row
 from gateway.forces.lateral_shape import has_lateral, lateral_record
 from gateway.forces.slip_calibration import LAW_STD, SlipCalibration
@@ -229,6 +230,11 @@ def fit_slip_calibration(runs: Sequence[SlipRun], zero_std_rad: float) -> SlipFi
             "Slip angles are positive where they pull the tire to the left, and the lateral axis points to the left. "
             "Turn over the sign of slip_deg, or of the axis.",
         )
+    if share > 1.0:
+        raise CalibrationError(
+            f"the belt's share is above 1: {share:.3f} ± {share_std:.3f}",
+            "Check the scale of the lateral axis and the unit of slip_deg.",
+        )
     has_reverse = len({run.is_reverse for run in runs}) == 2
     freedom = len(runs) - (3 if has_reverse else 2)
     probability = _probability(solution.chi_square, freedom)
@@ -275,6 +281,8 @@ def _check(runs: Sequence[SlipRun]) -> None:
             "no run rolls forward, so the zero of forward rolling is not determined",
             "Add runs that roll forward. Reverse runs only separate ply steer from conicity.",
         )
+    for run in runs:
+        check_pressure(run.name, run.pressure_pa)
     large = [run for run in runs if abs(run.slip_rad) > LARGEST_SLIP_RAD]
     if large:
         raise CalibrationError(

@@ -151,6 +151,21 @@ def test_turned_sign_of_slip_is_refused() -> None:
         fit_slip_calibration(turned, ZERO_STD)
 
 
+@pytest.mark.parametrize("pressure_pa", [-1300.0, 0.0, 9e3, 2e6])
+def test_a_pressure_that_no_table_states_is_refused(pressure_pa: float) -> None:
+    flat = [replace(drive, pressure_pa=pressure_pa) for drive in runs(FORWARD)]
+    with pytest.raises(CalibrationError, match="kPa are required") as caught:
+        fit_slip_calibration(flat, ZERO_STD)
+    assert caught.value.remedy
+
+
+def test_a_belt_share_above_1_is_refused() -> None:
+    scaled = [replace(drive, slope_rad=1.3 / SHARE * drive.slope_rad) for drive in runs(FORWARD)]
+    with pytest.raises(CalibrationError, match=r"share is above 1: 1\.3\d* ± 0\.\d") as caught:
+        fit_slip_calibration(scaled, ZERO_STD)
+    assert "slip_deg" in caught.value.remedy
+
+
 def test_two_runs_have_no_degrees_of_freedom() -> None:
     fit = fitted(FORWARD[1:])
     assert fit.degrees_of_freedom == 0

@@ -118,14 +118,14 @@ def test_load_of_few_revolutions_is_refused(tmp_path: Path, drive: list) -> None
 
 def test_side_force_of_a_run_is_that_of_the_rig_at_its_revolutions(tmp_path: Path, drive: list) -> None:
     times_s = np.arange(0.0, 30.0, STEP_S)
-    with_rig(tmp_path / "a.mcap", drive, {"side_force": np.where(times_s < 5.5, -400.0, 900.0)}, times_s)
+    with_rig(tmp_path / "a.mcap", drive, {"side_force": np.where(times_s < 3.2, -400.0, 900.0)}, times_s)
     path = tmp_path / "runs.toml"
-    runs = '[[run]]\nrecording = "a.mcap"\nto_s = 4\n[[run]]\nrecording = "a.mcap"\nfrom_s = 7\n'
+    runs = '[[run]]\nrecording = "a.mcap"\nto_s = 2.6\n[[run]]\nrecording = "a.mcap"\nfrom_s = 3.6\n'
     path.write_text(runs)
     low, high = measured_force_runs(path, load_runs(ForceRunsFile, path), None)
     assert (low.force_n, high.force_n) == pytest.approx((-400.0, 900.0))
     assert low.force_std_n == pytest.approx(math.hypot(0.4, 20.0))
-    path.write_text(runs.replace("to_s = 4", "to_s = 4\nside_force_n = 50"))
+    path.write_text(runs.replace("to_s = 2.6", "to_s = 2.6\nside_force_n = 50"))
     assert measured_force_runs(path, load_runs(ForceRunsFile, path), None)[0].force_n == 50.0
     with_rig(tmp_path / "b.mcap", drive, {"side_force": np.full(20, 1.0)}, times_s[:20])
     path.write_text(runs.replace("a.mcap", "b.mcap"))

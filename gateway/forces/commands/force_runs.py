@@ -15,7 +15,7 @@ from gateway.core.estimates.estimator import Estimate, Status
 from gateway.core.estimates.results import RevolutionResult
 from gateway.core.session.session_parts import RigChannels
 from gateway.forces.commands.calibration_runs import read_runs, rig_mean, run_name
-from gateway.forces.known_runs import ForceRunsFile, ForceRunTable
+from gateway.forces.known_runs import ForceRunsFile, ForceRunTable, check_pressure
 from gateway.forces.side_force import HORIZON_REVOLUTIONS
 from gateway.forces.side_force_calibration import LinearLaw, SideForceCalibration, fit_linear_law
 from gateway.forces.tire_tables import SideForceCalibrationTable
@@ -23,6 +23,8 @@ from gateway.forces.tire_tables import SideForceCalibrationTable
 # Revolutions between two values of the running mean that are taken: beyond twice its memory they are independent.
 _STRIDE: Final = round(2.0 * HORIZON_REVOLUTIONS)
 MIN_REVOLUTIONS: Final = 20
+# First revolutions of a part, over which the mean forgets the force before it.
+_REMEMBERED: Final = round(3.0 * HORIZON_REVOLUTIONS)
 # Largest relative error of a calibrated factor; beyond it the runs determine nothing.
 _LARGEST_ERROR: Final = 1.0 / 3.0
 
@@ -41,6 +43,7 @@ class ForceRun:
         force_n: side force as stated, or that of the rig.
         force_std_n: its standard error.
         offered: revolutions, usable or not.
+        averaged: those that the running mean has taken.
     """
 
     name: str
@@ -53,6 +56,7 @@ class ForceRun:
     force_n: float = math.nan
     force_std_n: float = math.nan
     offered: int = 0
+    averaged: int = 0
 
     def take(self, result: RevolutionResult) -> None:
         """Add a revolution."""
@@ -60,6 +64,9 @@ class ForceRun:
         estimates = {estimate.name: estimate for estimate in result.estimates}
         shift, yaw = estimates.get("belt_shift_m"), estimates.get("belt_yaw_rad")
         if shift is None or yaw is None or shift.status is Status.INVALID or yaw.status is Status.INVALID:
+            return
+        self.averaged += 1
+        if self.table.from_s and self.averaged <= _REMEMBERED:
             return
         self.shifts.append(shift)
         self.yaws.append(yaw)
@@ -102,11 +109,13 @@ def measured_force_runs(path: Path, runs: ForceRunsFile, fallback: Path | None) 
     rigs = read_runs(path, runs.run, wheels, estimators, fallback, lambda index, result: measured[index].take(result))
     for run, rig in zip(measured, rigs, strict=True):
         if len(run.shifts) < MIN_REVOLUTIONS:
+            part_note = f" after the first {_REMEMBERED} of a part" if run.table.from_s else ""
             raise CalibrationError(
                 f"{run.name}: {len(run.shifts)} of {run.offered} revolutions can be used, "
-                f"{MIN_REVOLUTIONS} are required",
+                f"{MIN_REVOLUTIONS} are required{part_note}",
                 "Record longer, correct from_s and to_s, or use a sensor with a lateral axis.",
             )
+        check_pressure(run.name, float(np.mean(run.pressures_pa)) if run.pressures_pa else None)
         run.take_force(rig, runs.side_force_std_n)
     return measured
 

@@ -11,7 +11,7 @@ from gateway.core.errors import CalibrationError
 from gateway.core.estimates.results import RevolutionResult
 from gateway.core.revolutions.sensor_mounting import RollCalibration
 from gateway.forces.commands.calibration_runs import read_runs, rig_mean, run_name
-from gateway.forces.known_runs import SlipRunsFile
+from gateway.forces.known_runs import PRESSURE_KPA, SlipRunsFile
 from gateway.forces.slip_calibration import SlipCalibration
 from gateway.forces.slip_fit import MIN_REVOLUTIONS, SlipFit, SlipRun, SlipRunRevolutions
 from gateway.forces.tire_tables import SlipCalibrationTable
@@ -20,8 +20,6 @@ from gateway.forces.tire_tables import SlipCalibrationTable
 _SKIPPED_REVOLUTIONS: Final = 5
 # Memory of the roll calibration: all runs count alike.
 _ALL_REVOLUTIONS: Final = 1e9
-# Bounds of the configuration where no pressure is known.
-_ANY_PRESSURE_KPA: Final = (10.0, 1500.0)
 
 
 def measured_runs(path: Path, runs: SlipRunsFile, fallback: Path | None) -> list[SlipRun]:
@@ -120,7 +118,7 @@ def slip_lines(runs: Sequence[SlipRun], fit: SlipFit) -> list[str]:
 def _validity(calibration: SlipCalibration) -> str:
     slips, halves = calibration.slip_range_rad, calibration.half_angle_range_rad
     low, high = _pressures_kpa(calibration)
-    pressure = f", {low:.0f} to {high:.0f} kPa" if (low, high) != _ANY_PRESSURE_KPA else ""
+    pressure = f", {low:.0f} to {high:.0f} kPa" if (low, high) != PRESSURE_KPA else ""
     return (
         f"valid for slip of {math.degrees(slips[0]):+.2f} to {math.degrees(slips[1]):+.2f} deg, half angles of "
         f"{math.degrees(halves[0]):.2f} to {math.degrees(halves[1]):.2f} deg{pressure}, this tire and sensor as mounted"
@@ -133,7 +131,7 @@ def _degrees(value_rad: float, std_rad: float) -> str:
 
 def _pressures_kpa(calibration: SlipCalibration) -> tuple[float, float]:
     low, high = calibration.pressure_range_pa
-    return (1e-3 * low, 1e-3 * high) if math.isfinite(high) else _ANY_PRESSURE_KPA
+    return (1e-3 * low, 1e-3 * high) if math.isfinite(high) else PRESSURE_KPA
 
 
 def slip_toml(calibration: SlipCalibration) -> str:

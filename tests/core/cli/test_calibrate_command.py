@@ -210,14 +210,14 @@ def test_recordings_without_a_name_calibrate_the_load() -> None:
 
 
 FORCE_TABLES = "[tire]\nring_nodes = 1440\n"
-SLIPS = "[[0, -1], [4, -1], [4.1, 0], [8, 0], [8.1, 1.5], [12, 1.5]]"
+SLIPS = "[[0, -1], [4, -1], [4.1, 0], [12.5, 0], [12.6, 1.5], [21, 1.5]]"
 FORCE_SCENARIO = FORCE_TABLES + "[[wheel]]\nposition = 'FL'\nwheel = 0\nload_n = 4000\nslip_angle_deg = " + SLIPS + "\n"
 WHEEL = "[tire]\nradius_mm = 320\n[[wheel]]\nposition = 'FL'\nhub = 0\nwheel = 0\nload_n = 4000\n"
 FORCE_RUN = (
     "[[run]]\nrecording = 'sweep.mcap'\nside_force_n = {force}\naligning_moment_nm = {moment}\n"
     "from_s = {begin}\nto_s = {end}\n"
 )
-FORCE_PARTS = ((-1.0, 0.0, 3.7), (0.0, 4.5, 7.7), (1.5, 8.5, 12.0))
+FORCE_PARTS = ((-1.0, 0.0, 3.7), (0.0, 4.2, 12.3), (1.5, 12.7, 21.0))
 
 
 def cornering(truth: WheelTruth, slip_deg: float) -> LateralSolution:
@@ -231,7 +231,7 @@ def force_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with a recording of three side forces."""
     made = tmp_path_factory.mktemp("forces")
     (made / "sweep.toml").write_text(FORCE_SCENARIO)
-    run("simulate", made / "sweep.toml", "--out", made / "sweep.mcap", "--duration", 12)
+    run("simulate", made / "sweep.toml", "--out", made / "sweep.mcap", "--duration", 21)
     return made
 
 
