@@ -43,7 +43,7 @@ class ContactTrend:
         number, speed, contact = self._means
         n = self._count - number
         v = 2.0 * math.log(revolution.omega_radps) - speed
-        c = math.log((pressure_pa or 1.0) * angle_rad * angle_rad) - contact
+        c = math.log(max(pressure_pa or 1.0, 1.0) * angle_rad * angle_rad) - contact
         self._means = number + weight * n, speed + weight * v, contact + weight * c
         retained = 1.0 - weight
         self._nn = retained * (self._nn + weight * n * n)

@@ -47,6 +47,6 @@ class OutsideReadings:
             self._readings.append(reading)
 
     def until(self, host_ns: float) -> list[OutsideReading]:
-        """Return the latest reading up to a time and the one before it, the latest first."""
+        """Return the readings up to a time, the latest first."""
         end = bisect_right(self._readings, host_ns, key=lambda reading: reading.host_ns)
-        return [self._readings[index] for index in range(end - 1, max(end - 3, -1), -1)]
+        return [self._readings[index] for index in range(end - 1, -1, -1)]

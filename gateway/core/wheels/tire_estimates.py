@@ -67,6 +67,10 @@ def _first_known(measured: float | None, fallback: float | None) -> float | None
     return fallback if measured is None else measured
 
 
+def _with_pressure(outside: Sequence[OutsideReading]) -> list[OutsideReading]:
+    return [entry for entry in outside if entry.reading.pressure_pa is not None]
+
+
 class _PausedSteps:
     """The running average after each of revolutions of which some have faults and leave it unchanged."""
 
@@ -192,6 +196,8 @@ class TireEstimates:
         # Revolutions with and without known effects subtracted are averaged separately.
         self._series = {False: self._current}
         self._environment: deque[Reading] = deque(maxlen=_ENVIRONMENT_DEPTH)
+        # Hub time of the end of the latest revolution.
+        self._latest_us = -math.inf
         self.outside = OutsideReadings()
         # Conditions made from the latest readings that were used.
         self._conditions_cache: tuple[Reading | None, OutsideReading | None, TireConditions | None] = None, None, None
@@ -208,6 +214,7 @@ class TireEstimates:
     def forget_environment(self) -> None:
         """Forget readings: the hub's time has restarted."""
         self._environment.clear()
+        self._latest_us = -math.inf
 
     def environment(self, tick_us: int, environment: Environment, pressure_error_pa: float) -> None:
         """Add a pressure and temperature reading with its hub time and the error that sensor health gives it."""
@@ -235,6 +242,7 @@ class TireEstimates:
             One result per revolution.
         """
         results: list[RevolutionResult] = []
+        self._latest_us = ends_us[-1]
         revolutions, first = arrays.revolutions, 0
         for end in range(1, len(revolutions) + 1):
             corrected = revolutions[first].uncorrected is None
@@ -357,37 +365,41 @@ class TireEstimates:
 
     def _old_pressure_s(self, tick_us: float, host_ns: float) -> float | None:
         """Return the age of the measured pressure in use; None while it is current."""
-        outside = self._outside_at(tick_us, host_ns)
-        if outside and outside[0].reading.pressure_pa is not None:
-            return outside[0].old_s(host_ns)
-        return old_pressure_s(self._environment, tick_us)
+        outside = _with_pressure(self._outside_at(tick_us, host_ns))
+        return outside[0].old_s(host_ns) if outside else old_pressure_s(self._environment, tick_us)
 
     def outside_old_s(self, host_ns: float) -> float | None:
         """Return the age of a reading from outside that is in use and old at a time, else None."""
         outside = self._outside_at(math.inf, host_ns)
-        return outside[0].old_s(host_ns) if outside else None
+        used = _with_pressure(outside) or outside
+        return used[0].old_s(host_ns) if used else None
 
     def _outside_at(self, tick_us: float, host_ns: float) -> list[OutsideReading]:
         """Return the readings from outside in use, the latest first: while the sensor of the wheel brings none."""
         if not self.outside:
             return []
+        if tick_us == math.inf:  # now
+            tick_us = max([self._latest_us, *(tick for tick, _, _ in self._environment)])
         is_measured = any(tick <= tick_us and entry.pressure_pa is not None for tick, entry, _ in self._environment)
-        is_current = is_measured and (tick_us == math.inf or old_pressure_s(self._environment, tick_us) is None)
+        is_current = is_measured and old_pressure_s(self._environment, tick_us) is None
         return [] if is_current else self.outside.until(host_ns)
 
     def _conditions(self, reading: Reading | None, outside: Sequence[OutsideReading]) -> TireConditions:
         pressure, temperature = self._setup.pressure_pa, self._setup.temperature_degc
         pressure_std, change_pa = self._setup.pressure_std_pa, 0.0
-        readings = [(entry.host_ns, entry.reading, entry.pressure_std_pa) for entry in outside]
+        # A reading without a pressure says nothing of it: the last one holds, and grows old.
+        readings = [(entry.host_ns, entry.reading, entry.pressure_std_pa) for entry in _with_pressure(outside)]
         if reading is not None:
-            sensor_readings = [entry for entry in reversed(self._environment) if entry[0] <= reading[0]]
             # One from outside comes in the place of an old one.
-            readings = sensor_readings if not outside or outside[0].reading.pressure_pa is None else readings
+            readings = readings or [
+                entry
+                for entry in reversed(self._environment)
+                if entry[0] <= reading[0] and entry[1].pressure_pa is not None
+            ]
             temperature = _first_known(reading[1].temperature_degc, temperature)
         if readings:
             change_pa = change_since_reading_pa(readings)
-            pressure = _first_known(readings[0][1].pressure_pa, pressure)
-            pressure_std = max(pressure_std, readings[0][2])
+            pressure, pressure_std = readings[0][1].pressure_pa, max(pressure_std, readings[0][2])
         if outside and (reading is None or reading[1].temperature_degc is None):
             temperature = _first_known(outside[0].reading.temperature_degc, temperature)
         if pressure is not None:
@@ -404,7 +416,7 @@ class TireEstimates:
             claims=self._setup.sensor,
             tire=self._setup.tire,
             rules=self._setup.rules,
-            pressure_measured=bool(readings) and readings[0][1].pressure_pa is not None,
+            pressure_measured=bool(readings),
         )
 
     def flags(self) -> tuple[SensorFlag, ...]:

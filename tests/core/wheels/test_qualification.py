@@ -1,6 +1,7 @@
 """Status of estimates after all that is known against them, drifting averages and old pressures; their names."""
 
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -20,6 +21,7 @@ from gateway.core.trust.reasons import TrustCode
 from gateway.core.trust.sensor_limits import Doubt
 from gateway.core.trust.signal_evidence import Evidence
 from gateway.core.wheels.old_pressure import change_since_reading_pa
+from gateway.core.wheels.outside_readings import OutsideReading
 from gateway.core.wheels.tire_estimates import TireEstimates
 from gateway.core.wheels.wheels import Pipeline
 from gateway.forces.ply_steer import HORIZON_REVOLUTIONS
@@ -150,6 +152,42 @@ def test_readings_without_a_pressure_say_nothing_of_its_change() -> None:
     readings = [(3, reading(None), 0.0), (2, reading(200e3), 0.0), (1, reading(None), 0.0), (0, reading(203e3), 0.0)]
     assert change_since_reading_pa(readings) == pytest.approx(3e3 / math.sqrt(3.0))
     assert change_since_reading_pa(readings[:2]) == 0.0
+
+
+def test_the_last_pressure_holds_over_readings_without_one_and_grows_old() -> None:
+    tire = TireEstimates(replace(PRESSURE_SETUP, pressure_pa=250e3), ("kinematic",))
+    for second in range(30):
+        pressure_pa = 160e3 if second < 10 and second % 2 == 0 else None
+        tire.environment(1_000_000 * second, Environment(pressure_pa, 20.0 + second, None), 0.0)
+        conditions = tire.conditions(1e6 * second, 0.0)
+        assert (conditions.pressure_pa, conditions.temperature_degc) == (160e3, 20.0 + second)
+        assert conditions.pressure_measured
+    assert tire._old_pressure_s(13e6, 0.0) is None
+    assert tire._old_pressure_s(29e6, 0.0) == 21.0
+
+
+def test_the_last_pressure_from_outside_holds_likewise() -> None:
+    tire = TireEstimates(replace(PRESSURE_SETUP, pressure_pa=250e3), ("kinematic",))
+    for second, pressure_pa in enumerate((166e3, 160e3, None, None, None)):
+        at_ns = 1_000_000_000 * second
+        tire.outside.add(OutsideReading(at_ns, Environment(pressure_pa, 20.0 + second, None), 500.0, 2.5))
+    conditions = tire.conditions(0.0, 4e9)
+    assert (conditions.pressure_pa, conditions.temperature_degc) == (160e3, 24.0)
+    assert conditions.pressure_std_pa == pytest.approx(6e3 / math.sqrt(3.0))
+    assert tire._old_pressure_s(0.0, 4e9) == tire.outside_old_s(4e9) == 3.0
+
+
+def test_present_pressure_is_that_of_the_latest_revolution() -> None:
+    """The hub's sensor has fallen silent at 4 s; a receiver has the pressure since 3000 s."""
+    tire = TireEstimates(replace(PRESSURE_SETUP, pressure_pa=230e3), ("kinematic",))
+    tire.environment(4_000_000, Environment(250e3, 20.0, None), 0.0)
+    tire.outside.add(OutsideReading(3_000_000_000_000, Environment(180e3, 20.0, None), 500.0, 300.0))
+    for latest_us, expected_pa in ((4e6, 250e3), (3001e6, 180e3)):
+        tire._latest_us = latest_us
+        assert tire.conditions(math.inf, math.inf).pressure_pa == expected_pa
+    assert tire.outside_old_s(1e13) == 7000.0
+    tire.environment(3_002_000_000, Environment(240e3, 20.0, None), 0.0)
+    assert tire.conditions(math.inf, math.inf).pressure_pa == 240e3
 
 
 def test_memories_are_those_of_the_averages() -> None:
