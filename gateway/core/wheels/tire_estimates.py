@@ -385,30 +385,28 @@ class TireEstimates:
         return [] if is_current else self.outside.until(host_ns)
 
     def _conditions(self, reading: Reading | None, outside: Sequence[OutsideReading]) -> TireConditions:
-        pressure, temperature = self._setup.pressure_pa, self._setup.temperature_degc
+        pressure, measured_degc = self._setup.pressure_pa, None
         pressure_std, change_pa = self._setup.pressure_std_pa, 0.0
-        # A reading without a pressure says nothing of it: the last one holds, and grows old.
+        # A reading without a pressure says nothing of it: the last one holds, and grows old. So does a temperature.
         readings = [(entry.host_ns, entry.reading, entry.pressure_std_pa) for entry in _with_pressure(outside)]
         if reading is not None:
+            sensor_readings = [entry for entry in reversed(self._environment) if entry[0] <= reading[0]]
+            temperatures = (entry[1].temperature_degc for entry in sensor_readings)
+            measured_degc = next((degc for degc in temperatures if degc is not None), None)
             # One from outside comes in the place of an old one.
-            readings = readings or [
-                entry
-                for entry in reversed(self._environment)
-                if entry[0] <= reading[0] and entry[1].pressure_pa is not None
-            ]
-            temperature = _first_known(reading[1].temperature_degc, temperature)
+            readings = readings or [entry for entry in sensor_readings if entry[1].pressure_pa is not None]
         if readings:
             change_pa = change_since_reading_pa(readings)
             pressure, pressure_std = readings[0][1].pressure_pa, max(pressure_std, readings[0][2])
-        if outside and (reading is None or reading[1].temperature_degc is None):
-            temperature = _first_known(outside[0].reading.temperature_degc, temperature)
+        if outside and measured_degc is None:
+            measured_degc = outside[0].reading.temperature_degc
         if pressure is not None:
             pressure_std = max(pressure_std, self._setup.pressure_relative_std * pressure)
         return TireConditions(
             radius_m=self._setup.radius_m,
             load_n=self._setup.load_n,
             pressure_pa=pressure,
-            temperature_degc=temperature,
+            temperature_degc=_first_known(measured_degc, self._setup.temperature_degc),
             load_std_n=self._setup.load_std_n,
             # What is no more than the errors of two readings is no change.
             pressure_std_pa=max(pressure_std, change_pa),

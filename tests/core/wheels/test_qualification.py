@@ -164,6 +164,8 @@ def test_the_last_pressure_holds_over_readings_without_one_and_grows_old() -> No
         assert conditions.pressure_measured
     assert tire._old_pressure_s(13e6, 0.0) is None
     assert tire._old_pressure_s(29e6, 0.0) == 21.0
+    tire.environment(30_000_000, Environment(150e3, None, None), 0.0)
+    assert tire.conditions(30e6, 0.0).temperature_degc == 49.0
 
 
 def test_the_last_pressure_from_outside_holds_likewise() -> None:
