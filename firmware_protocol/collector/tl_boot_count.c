@@ -89,6 +89,9 @@ bool tl_boot_count_next(uint32_t *count) {
     unsigned page = pages[1].highest > pages[0].highest ? 1u : 0u;
     /* A damaged record may have been a count that was used, before the flash lost it: leave its number out. */
     uint32_t beyond = pages[page].unknown + 1u;
+    if (pages[page ^ 1u].highest == 0) {
+        beyond += pages[page ^ 1u].unknown; /* it may be the newer page */
+    }
     if (pages[page].highest > UINT32_MAX - beyond) {
         return false;
     }

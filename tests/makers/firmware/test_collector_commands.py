@@ -1,5 +1,6 @@
 """The reference collector: commands, signed, damaged, forged or replayed; starts after resets or a failing flash."""
 
+import ctypes
 import itertools
 import json
 import subprocess
@@ -32,6 +33,7 @@ from gateway.security.freshness import Ledger
 from gateway.security.guard import ConfiguredWheel, Guard
 from gateway.security.hub_commands import Executed, execute
 from gateway.security.key_file import hub_identity, sensor_identity
+from tests.makers.firmware.conftest import require
 from tests.testkit.collector_bench import (
     BLOCK,
     HUB,
@@ -56,7 +58,7 @@ from tests.testkit.collector_bench import (
     tick,
 )
 from tests.testkit.emulated_firmware.bench_records import Kind, record
-from tests.testkit.emulated_firmware.firmware_build import build_host
+from tests.testkit.emulated_firmware.firmware_build import COLLECTOR, build_host, include_flags, write_protocol
 from tests.testkit.waiting import TIMEOUT_S, HeldClock
 
 Run = Callable[..., bytes]
@@ -387,6 +389,47 @@ def test_boot_count_survives_a_power_cut_at_every_step(run: Run) -> None:
     assert starts == sorted(set(starts))
     assert len(starts) >= STEPS
     assert starts[-1] >= 16 * (STEPS - 1)
+
+
+FLASH = """
+#include "tl_boot_count.h"
+#include "tl_port.h"
+#include <string.h>
+uint8_t flash[2 * TL_BOOT_PAGE_BYTES];
+static uint8_t *page_at(unsigned page) { return flash + page * TL_BOOT_PAGE_BYTES; }
+void tl_port_flash_read(unsigned page, size_t at, uint8_t *data, size_t size) {
+    memcpy(data, page_at(page) + at, size);
+}
+bool tl_port_flash_write(unsigned page, size_t at, const uint8_t *data, size_t size) {
+    memcpy(page_at(page) + at, data, size);
+    return true;
+}
+bool tl_port_flash_erase(unsigned page) { return memset(page_at(page), 0xFF, TL_BOOT_PAGE_BYTES) != NULL; }
+"""
+
+
+def test_boot_count_survives_damage_to_its_latest_records(tmp_path: Path) -> None:
+    """After each number of starts, which fill both pages and begin again: damage to up to a page of records."""
+    require("gcc", "gcc")
+    (tmp_path / "flash.c").write_text(FLASH, "utf-8")
+    write_protocol(tmp_path)
+    sources = [COLLECTOR / "tl_boot_count.c", tmp_path / "flash.c"]
+    options = ["-DTL_BOOT_PAGE_BYTES=64", *include_flags(tmp_path), "-shared", "-fPIC"]
+    subprocess.run(["gcc", *options, *sources, "-o", tmp_path / "counter.so"], check=True)
+    counter = ctypes.CDLL(str(tmp_path / "counter.so"))
+    flash = (ctypes.c_uint8 * 128).in_dll(counter, "flash")
+    count = ctypes.c_uint32()
+    for starts, damaged in itertools.product(range(1, 17), range(5)):
+        ctypes.memset(flash, 0xFF, 128)
+        for _ in range(starts):
+            assert counter.tl_boot_count_next(ctypes.byref(count))
+        assert count.value == starts
+        for latest in range(max(starts - damaged, 0), starts):
+            flash[16 * (latest % 8)] ^= 4
+        for _ in range(10):
+            before = count.value
+            assert counter.tl_boot_count_next(ctypes.byref(count))
+            assert count.value > before, (starts, damaged)
 
 
 @pytest.mark.parametrize("change", [{"axes": 0}, {"axes": 8}, {"rate_hz": 0.0}, {"scale_mps2": (0.0, 0.0, 0.0)}])
