@@ -268,7 +268,12 @@ class _Exchange:
             protocol = "" if hub is None else "{}.{}".format(*hub.protocol)
             return Executed(reply.hub, self._addressee is not None and self._addressee.verifies_commands, protocol)
         hubs = self._commands.hubs.values()
-        if self._has_keys and not self._sent and hubs and not any(hub.verifies_commands for hub in hubs):
+        if self._has_keys and not self._sent and hubs:
+            if any(hub.verifies_commands for hub in hubs):
+                raise SourceError(
+                    f"{self._source.link} did not reply to the challenge under its hub's key; the command was not sent",
+                    "Try again. If it stays so, compare the hub's key with that of `treadlink keys list`.",
+                )
             raise SourceError(
                 f"{self._source.link} does not sign its frames, or not with a key that is there, or its firmware takes "
                 "no signed commands; the command was not sent",

@@ -168,7 +168,7 @@ def parse_keys(text: str, origin: str) -> Iterator[tuple[str, Key]]:
         SecurityError: it names the first invalid line, but not its content, which may be a key.
     """
     identities: set[str] = set()
-    for number, line in enumerate(text.splitlines(), 1):
+    for number, line in enumerate(text.removeprefix("\ufeff").splitlines(), 1):
         content = line.partition("#")[0].strip()
         if not content:
             continue

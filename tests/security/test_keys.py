@@ -63,6 +63,14 @@ def test_import(tmp_path: Path) -> None:
     assert "does not exist" in run("import", tmp_path / "none", "--keys", path, fails=True)
 
 
+def test_key_file_with_a_byte_order_mark_is_read(tmp_path: Path) -> None:
+    theirs = tmp_path / "theirs"
+    write_private(theirs, f"\ufeffa001 {SECRET}\r\n")
+    run("import", theirs, "--keys", tmp_path / "keys")
+    for path in (theirs, tmp_path / "keys"):
+        assert KeyFile(path).keys["0000a001"].secret.hex() == SECRET
+
+
 @pytest.mark.parametrize("line", [f"a001 {SECRET}0", f"a001{SECRET}", f"xyz {SECRET}", SECRET, f"123456789 {SECRET}"])
 def test_wrong_lines_are_refused_without_showing_them(tmp_path: Path, line: str) -> None:
     printed = run("import", "-", "--keys", tmp_path / "keys", text=f"\n{line}\n", fails=True)

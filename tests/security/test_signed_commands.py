@@ -142,6 +142,14 @@ def test_missing_key_of_the_hub_is_named() -> None:
     assert hub_identity(HUB_ID) in missing.value.remedy
 
 
+def test_command_that_waits_for_a_hub_with_another_key_was_not_sent() -> None:
+    hub = Hub()
+    with pytest.raises(SourceError, match="did not reply to the challenge .*; the command was not sent") as refused:
+        run(hub, keys={**KEYS, hub_identity(HUB_ID): SENSOR_KEY})
+    assert "treadlink keys list" in refused.value.remedy
+    assert hub.executed == []
+
+
 def commanded(hub: Hub) -> None:
     source = CommandedSource(hub, ManualClock(SECONDS * 10**9), KEYS)
     assert len(list(source.items(threading.Event()))) > 2
