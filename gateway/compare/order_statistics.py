@@ -30,6 +30,7 @@ class SpeedBin:
         revolutions: number of revolutions.
         amplitude_mps2: (3, 61) root mean square of the amplitude of each order; NaN where no revolution carries it.
         blocks: number of blocks whose median speed lies in the range.
+        blocks_by_order: (m,) number of them that carry each order of `fine_mps2`.
         fine_mps2: (3, m) as in `OrderStatistics`, of these blocks.
         integer_share: (3,) as in `OrderStatistics`, of these blocks; NaN without one.
         integer_share_std: (3,) one standard error; NaN for less than two blocks.
@@ -40,6 +41,7 @@ class SpeedBin:
     revolutions: int
     amplitude_mps2: FloatArray
     blocks: int
+    blocks_by_order: IntArray
     fine_mps2: FloatArray
     integer_share: FloatArray
     integer_share_std: FloatArray
@@ -113,7 +115,7 @@ class _Spectra:
 
     def __init__(self, revolutions: int = BLOCK_REVOLUTIONS) -> None:
         self.revolutions = revolutions
-        self._squares = _Squares(revolutions * ORDER_COUNT)
+        self.squares = _Squares(revolutions * ORDER_COUNT)
         self._shares: list[FloatArray] = []
 
     @property
@@ -122,14 +124,11 @@ class _Spectra:
 
     def add(self, amplitude_mps2: FloatArray) -> None:
         """Add a block: (3, revolutions * 61) amplitudes, NaN above the highest order."""
-        self._squares.add(amplitude_mps2)
+        self.squares.add(amplitude_mps2)
         power = np.nan_to_num(np.square(amplitude_mps2))
         on_integers = power[:, self.revolutions :: self.revolutions].sum(axis=1)
         total = power[:, 1:].sum(axis=1)
         self._shares.append(np.where(total > 0.0, on_integers / np.where(total > 0.0, total, 1.0), math.nan))
-
-    def root(self) -> FloatArray:
-        return self._squares.root()
 
     def share(self) -> tuple[FloatArray, FloatArray]:
         """Return the share of the power on integer orders and its standard error, (3,) each."""
@@ -220,7 +219,7 @@ class OrderAccumulator:
             blocks=fine.blocks,
             block_revolutions=fine.revolutions,
             fine_order=np.arange(fine.revolutions * ORDER_COUNT) / fine.revolutions,
-            fine_mps2=fine.root(),
+            fine_mps2=fine.squares.root(),
             integer_share=share,
             integer_share_std=share_std,
             block_mps2=block,
@@ -233,11 +232,13 @@ class OrderAccumulator:
         share, std = spectra.share()
         return SpeedBin(
             low_radps=index * self._step,
-            high_radps=(index + 1) * self._step,
+            # The last one holds all that is faster.
+            high_radps=max((index + 1) * self._step, self._range[1] if index == _MOST_SPEEDS else 0.0),
             revolutions=squares.added,
             amplitude_mps2=squares.root(),
             blocks=spectra.blocks,
-            fine_mps2=spectra.root(),
+            blocks_by_order=spectra.squares.count.max(axis=0),
+            fine_mps2=spectra.squares.root(),
             integer_share=share,
             integer_share_std=std,
         )

@@ -14,7 +14,7 @@ import numpy as np
 
 from gateway.compare.order_statistics import OrderStatistics
 from gateway.core.constants import AXIS_NAMES
-from gateway.core.types import BoolArray, FloatArray
+from gateway.core.types import BoolArray, FloatArray, IntArray
 
 FALSE_ALARM: Final = 0.01
 """Probability that noise alone makes any line of a wheel."""
@@ -104,7 +104,7 @@ def outstanding_lines(statistics: OrderStatistics) -> list[OutstandingLine]:
         _Spectrum(
             (speed_bin.low_radps, speed_bin.high_radps),
             speed_bin.fine_mps2,
-            *_ratios(speed_bin.fine_mps2, is_judged, orders, speed_bin.blocks, tests),
+            *_ratios(speed_bin.fine_mps2, is_judged, orders, speed_bin.blocks_by_order, tests),
         )
         for speed_bin in measured
     ]
@@ -121,16 +121,18 @@ def outstanding_lines(statistics: OrderStatistics) -> list[OutstandingLine]:
 
 
 def _ratios(
-    fine_mps2: FloatArray, is_judged: BoolArray, orders: FloatArray, blocks: int, tests: int
+    fine_mps2: FloatArray, is_judged: BoolArray, orders: FloatArray, blocks: IntArray, tests: int
 ) -> tuple[FloatArray, FloatArray]:
     """Return the power of each judged bin over the median power around it, (3, m), and its limit, (m,)."""
     from scipy.stats import chi2, f
 
+    # Orders that no sampling carries are no surroundings; of those near the end few blocks may tell.
+    is_judged = is_judged & (blocks > 0)
     power = np.where(is_judged, np.square(fine_mps2), math.nan)
     ratio, limit = np.full(power.shape, math.nan), np.full(len(orders), math.inf)
-    freedom = 2 * blocks
+    freedom = 2 * np.maximum(blocks, 1)
     # A median of chi-squared powers lies below their mean.
-    below = float(chi2.ppf(0.5, freedom)) / freedom
+    below = chi2.ppf(0.5, freedom) / freedom
     for index in np.flatnonzero(is_judged):
         distance = np.abs(orders - orders[index])
         around = is_judged & (distance <= _AROUND_ORDERS) & (distance > 1.5 * orders[1])
@@ -138,8 +140,8 @@ def _ratios(
             continue
         level = np.median(power[:, around], axis=1)
         np.divide(power[:, index], level, out=ratio[:, index], where=level > 0.0)
-        by_chance = float(f.isf(FALSE_ALARM / tests, freedom, _EFFICIENCY * freedom * around.sum())) / below
-        limit[index] = max(by_chance, MINIMUM_TIMES**2)
+        by_chance = f.isf(FALSE_ALARM / tests, freedom[index], _EFFICIENCY * freedom[around].sum())
+        limit[index] = max(by_chance / below[around].mean(), MINIMUM_TIMES**2)
     return ratio, limit
 
 

@@ -87,6 +87,12 @@ def test_waterfall_sorts_revolutions_by_speed():
     assert statistics.omega_range_radps == (12.0, 23.0)
 
 
+def test_the_last_range_of_speed_reaches_to_the_fastest_revolution():
+    slow, fast = (curves(np.cos(angle_grid())), 12.0, 60), (curves(np.cos(angle_grid())), 130.0, 60)
+    ranges = [(speed.low_radps, speed.high_radps) for speed in statistics_of([slow, fast], step=0.5).speeds]
+    assert ranges == [(12.0, 12.5), (100.0, 130.0)]
+
+
 def test_orders_above_the_sampling_are_unknown():
     statistics = statistics_of([(curves(np.cos(angle_grid())), OMEGA, 10)] * BLOCK_REVOLUTIONS)
     assert np.isfinite(statistics.amplitude_mps2[2][:11]).all()

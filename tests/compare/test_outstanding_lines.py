@@ -19,7 +19,7 @@ THREE_SPEEDS = np.repeat([37.0, 49.0, 70.0], 40)
 DRIVE = np.interp(np.arange(240) % 120, [0, 20, 40, 60, 80, 100, 120], [56, 56, 87, 87, 30, 30, 56])
 
 
-def rolled(speeds_radps, *, seed: int, order: float = 0.0, frequency_hz: float = 0.0, size_mps2: float = 1.0):
+def rolled(speeds_radps, *, seed: int, order: float = 0.0, frequency_hz: float = 0.0, sampled_hz: float = 1e4):
     """Return orders of a contact waveform with gravity and noise, and a radial line of an order or a frequency."""
     random, angle = np.random.default_rng(seed), angle_grid()
     # A revolution begins at the contact's centre.
@@ -32,9 +32,9 @@ def rolled(speeds_radps, *, seed: int, order: float = 0.0, frequency_hz: float =
         axes[2] += 9.8 * np.cos(angle)
         period_s = 2.0 * np.pi / omega_radps
         cycles = order * (index + part) + frequency_hz * (time_s + period_s * part)
-        axes[2] += size_mps2 * (np.cos(2.0 * np.pi * cycles) if order or frequency_hz else 0.0)
+        axes[2] += np.cos(2.0 * np.pi * cycles) if order or frequency_hz else 0.0
         time_s += period_s
-        orders.add(index, axes, omega_radps, 60)
+        orders.add(index, axes, omega_radps, min(60, int(0.5 * sampled_hz * period_s)))
     statistics = orders.statistics()
     assert isinstance(statistics, OrderStatistics)
     return statistics
@@ -45,7 +45,14 @@ def test_noise_and_gravity_make_no_line(speeds):
     assert [seed for seed in range(12) if outstanding_lines(rolled(speeds, seed=seed))] == []
 
 
-@pytest.mark.parametrize(("order", "speeds"), [(2.375, STEADY), (5.45, STEADY), (0.44, STEADY), (2.375, DRIVE)])
+def test_noise_makes_no_line_at_orders_that_few_of_the_blocks_carry():
+    speeds = np.repeat([43.9, 40.1], [64, 8])
+    assert [seed for seed in (1, 2) if outstanding_lines(rolled(speeds, seed=seed, sampled_hz=560.0))] == []
+
+
+@pytest.mark.parametrize(
+    ("order", "speeds"), [(2.375, STEADY), (5.45, STEADY), (0.44, STEADY), (57.5, STEADY), (2.375, DRIVE)]
+)
 def test_a_line_of_an_order_is_told_once_on_its_axis(order, speeds):
     (line,) = outstanding_lines(rolled(speeds, seed=3, order=order))
     assert line.axis == "radial"
