@@ -1,6 +1,8 @@
 """Compression of a finished recording, verified before the original is replaced."""
 
 import itertools
+import os
+import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,7 +48,7 @@ def compact_recording(
     Args:
         path: a finished recording.
         target: must not exist yet.
-        replace: replace the recording by the verified copy, in one step.
+        replace: replace the recording, or what a link leads to, by the verified copy, in one step.
         progress: called from time to time with (bytes done, bytes in total) of writing and comparing.
 
     Raises:
@@ -114,6 +116,7 @@ def _check_same(original: RecordingReader, copy: RecordingReader, progress: Prog
 
 def _replace(path: Path, target: Path) -> None:
     try:
-        target.replace(path)
+        shutil.copymode(path, target)
+        target.replace(os.path.realpath(path))
     except OSError as error:
         raise RecordingError(f"cannot replace '{path}': {error.strerror}", "Check its permissions.") from error

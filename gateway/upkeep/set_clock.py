@@ -33,7 +33,7 @@ def recorded_clock_error_s(path: Path) -> float | None:
 
 def set_clock(
     path: Path, target: Path, ahead_s: float, on_position: Callable[[int, int], None] = lambda *_: None
-) -> None:
+) -> int:
     """Write a copy of a recording with `ahead_s` added to all its times; decoded topics are left out.
 
     The copy appears under its name when it is complete, or not at all.
@@ -43,6 +43,9 @@ def set_clock(
         target: must not exist yet.
         ahead_s: time to add in s.
         on_position: called with the bytes read, and their total.
+
+    Returns:
+        When the copy begins, in ns: an unknown start is the first item's time.
 
     Raises:
         RecordingError: the recording is unfinished or damaged, a time would lie outside 1970 to 2116, `target` exists,
@@ -62,9 +65,10 @@ def set_clock(
             )
         return host_ns + ahead_ns
 
+    start_ns = moved(info.start_ns or next((item.host_ns for item in reader.items()), 0))
     part = RecordingWriter(
         target,
-        start_ns=moved(info.start_ns or 0),
+        start_ns=start_ns,
         vehicle_toml=info.vehicle_toml,
         sources=info.sources,
         dbc_text=info.dbc_text,
@@ -84,6 +88,7 @@ def set_clock(
         if reader.damage is not None:
             raise RecordingError(f"'{path}' is damaged", REPAIR_REMEDY)
         copy_notes(path, target)
+    return start_ns
 
 
 def _corrected(item: LinkItem, host_ns: int, ahead_s: float) -> LinkItem:

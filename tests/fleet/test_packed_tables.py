@@ -81,8 +81,9 @@ def test_refusals_leave_nothing(dataset, tmp_path, monkeypatch) -> None:
     assert not list(tmp_path.glob(".*"))
 
 
-def test_dataset_is_packed_beside_itself_and_never_in_place(dataset) -> None:
-    run("compact", dataset)
+def test_dataset_is_packed_beside_itself_and_never_in_place(dataset, monkeypatch) -> None:
+    monkeypatch.chdir(dataset)
+    run("compact", ".")
     assert (dataset.parent / "dataset.tables" / "recordings-0001.parquet").is_file()
     result = invoked("compact", dataset, "--in-place")
     assert result.exit_code == 2

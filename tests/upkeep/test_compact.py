@@ -206,6 +206,22 @@ def test_compact_beside_and_in_place(recorded_file: tuple[Path, list[LinkItem]])
     assert streams.read(path) == items
 
 
+def test_in_place_compresses_what_a_link_leads_to_and_keeps_its_permissions(
+    recorded_file: tuple[Path, list[LinkItem]], tmp_path: Path
+) -> None:
+    path, items = recorded_file
+    path.chmod(0o640)
+    before, link = path.stat().st_size, tmp_path / "links" / "r.mcap"
+    link.parent.mkdir()
+    link.symlink_to(path)
+    run("compact", "--in-place", str(link))
+    assert link.is_symlink()
+    assert [entry.name for entry in link.parent.iterdir()] == ["r.mcap"]
+    assert path.stat().st_size < before
+    assert path.stat().st_mode & 0o777 == 0o640
+    assert streams.read(path) == items
+
+
 def test_out_requires_a_single_recording(recorded_file: tuple[Path, list[LinkItem]]) -> None:
     path = str(recorded_file[0])
     result = invoked("compact", "--out", "x.mcap", path, path)

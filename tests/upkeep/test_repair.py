@@ -13,9 +13,11 @@ from gateway.core.errors import RecordingError
 from gateway.core.links.source import Chunk
 from gateway.core.recording.mcap_layout import REPAIR_METADATA
 from gateway.core.recording.reader import RecordingReader
+from gateway.core.recording.writer import utc_text
 from gateway.upkeep.compact import compact_recording
 from gateway.upkeep.repair import needs_repair, repair_recording
 from tests.core.recording import damage, streams
+from tests.testkit.commands import run
 
 # Opcode, length, channel, sequence number and two times.
 HEADER_BYTES = 31
@@ -176,6 +178,18 @@ def test_destroyed_start_loses_only_itself(tmp_path: Path) -> None:
     path = repaired(tmp_path, file)
     check(recorded, touched, path)
     assert RecordingReader(path).vehicle_toml == streams.TOML, "the description stands at the end as well"
+
+
+@pytest.mark.parametrize("ahead_s", [3600, -3600])
+def test_clock_of_a_recording_with_a_lost_description_is_set_from_its_first_item(tmp_path: Path, ahead_s: int) -> None:
+    rng = np.random.default_rng(12)
+    recorded = damage.record(tmp_path / "r.mcap", rng, count=60, links=1, largest=600, topics=False, finish=False)
+    path = repaired(tmp_path, damage.overwrite(recorded.file, [(0, rng.bytes(3000))])[0])
+    assert RecordingReader(path).info.start_ns is None
+    begin_ns = streams.read(path)[0].host_ns + ahead_s * 10**9
+    output = run("set-clock", path, "--ahead", ahead_s, "--out", tmp_path / "dated.mcap")
+    assert f"begins {utc_text(begin_ns)}" in output
+    assert RecordingReader(tmp_path / "dated.mcap").info.start_ns == begin_ns
 
 
 def test_bytes_are_found_without_declarations(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -64,7 +65,8 @@ def compact(recordings: tuple[Path, ...], out: Path | None, in_place: bool) -> N
     if datasets and in_place:
         raise click.UsageError("a dataset cannot be packed in place: campaign and trends use its files.")
     for dataset in datasets:
-        _pack(dataset, out or dataset.with_name(f"{dataset.resolve().name.removesuffix('.dataset')}.tables"))
+        real = dataset.resolve()
+        _pack(dataset, out or real.parent / f"{real.name.removesuffix('.dataset')}.tables")
     recordings = tuple(path for path in recordings if path not in datasets)
     from gateway.core.text.progress import progress_bar
     from gateway.core.text.text import clean, file_size
@@ -124,14 +126,12 @@ def set_clock(recording: Path, ahead_s: float | None, out: Path | None) -> None:
 
     Example: `treadlink set-clock drive.mcap --ahead 3600`
     """
-    from gateway.core.recording.reader import RecordingReader
     from gateway.core.recording.writer import utc_text
     from gateway.core.text.progress import progress_bar
     from gateway.core.text.text import clean
     from gateway.upkeep.set_clock import recorded_clock_error_s
     from gateway.upkeep.set_clock import set_clock as write_copy
 
-    start_ns = RecordingReader(recording).info.start_ns or 0
     recorded_s = recorded_clock_error_s(recording) if ahead_s is None else ahead_s
     if ahead_s is None and recorded_s == 0.0:
         raise RecordingError(
@@ -146,9 +146,8 @@ def set_clock(recording: Path, ahead_s: float | None, out: Path | None) -> None:
         )
     target = out or _target_of(recording, "dated")
     with progress_bar(f"copying {recording.name}") as bar:
-        write_copy(recording, target, ahead_s, _show_share(bar))
-    started = utc_text(start_ns + round(ahead_s * 1e9))
-    click.echo(clean(f"{target}: begins {started}, {ahead_s:+.3f} s from {recording}"))
+        start_ns = write_copy(recording, target, ahead_s, _show_share(bar))
+    click.echo(clean(f"{target}: begins {utc_text(start_ns)}, {ahead_s:+.3f} s from {recording}"))
 
 
 def _report_lines(report: RepairReport) -> Iterator[str]:
@@ -183,11 +182,12 @@ def _target_of(recording: Path, word: str) -> Path:
 
 
 def _hidden_beside(recording: Path) -> Path:
-    """Return the name in the same folder of the copy that will replace the recording.
+    """Return the name of the copy that will replace the recording, in the folder of what a link leads to.
 
     Always the same, so that the next run replaces the part of one that was killed.
     """
-    return recording.with_name(f".{recording.name}.compacting")
+    real = Path(os.path.realpath(recording))
+    return real.with_name(f".{real.name}.compacting")
 
 
 def _show_share(bar: Bar) -> Callable[[int, int], None]:
