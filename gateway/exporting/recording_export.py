@@ -13,6 +13,7 @@ from gateway.core.reasons import Notice, Reason
 from gateway.core.recording.recorded_file import open_recorded_file
 from gateway.core.session.recording_pass import OpenedRecording, open_recording
 from gateway.core.text.output_file import OutputFile, WholeOutput, is_stdout, scratch_folder
+from gateway.core.text.text import storable
 from gateway.exporting.export_registry import CONTENTS, FORMATS
 from gateway.exporting.export_table import Block, ExportWriter, Target, WheelTable, length
 from gateway.exporting.measured_tables import Source, measured
@@ -173,7 +174,7 @@ def export_recording(
         )
         return revolution_results if overview.has_arrivals else map(_on_hub_time, revolution_results)
 
-    source = Source(samples, results, path.name, overview.start_ns, request.estimators)
+    source = Source(samples, results, storable(path.name), overview.start_ns, request.estimators)
     by_position = {wheel.position: conditions(wheel, overview, recording) for wheel in overview.wheels}
     with ExportFile(out, request.format_name, force=force) as out_file:
         measured_contents = [measured(name, source) for name in request.contents]

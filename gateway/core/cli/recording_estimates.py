@@ -23,7 +23,7 @@ from gateway.core.text.session_summary import (
     removed_line,
     summary_lines,
 )
-from gateway.core.text.text import clean
+from gateway.core.text.text import clean, storable
 from gateway.core.text.wording import notice_text
 
 
@@ -74,7 +74,7 @@ def estimate_recording(
     )
     vehicle = recording.vehicle
     collectors = [output.begin(reader, vehicle) for output in outputs]
-    summary, name = ResultSummary(), path.name
+    summary, name = ResultSummary(), storable(path.name)
     estimation = RecordingPass(recording, estimators or DEFAULT_ESTIMATORS, signals=recording.signals())
     for block in estimation.blocks():
         for result in block.results:

@@ -41,7 +41,7 @@ def result_columns(block: ResultBlock, recording: str = "") -> ResultColumns:
 
     Args:
         block: the results.
-        recording: name of the recording, for rows of several recordings in one table.
+        recording: name of the recording as `storable`, for rows of several recordings in one table.
     """
     revolutions, conditions = block.revolutions, block.conditions
     host_ns = np.array([result.host_ns or _NOT_A_TIME for result in block.results], np.int64).view("M8[ns]")

@@ -2,6 +2,7 @@
 
 import io
 import json
+import os
 import re
 import subprocess
 import sys
@@ -9,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from hypothesis import given
@@ -19,7 +21,7 @@ from gateway.core.cli import treadlink
 from gateway.core.cli.stream_encoding import ShownText, nearest_text
 from gateway.core.text.text import json_text
 from tests.testkit.campaign_recordings import write_recording
-from tests.testkit.commands import program
+from tests.testkit.commands import program, run
 
 # An escape sequence, an override of the direction, one of C1, an invisible mark and a backspace.
 NAMES = ("\x1b[31mx", "\u202ex", "\x9b31mx", "\u200bx", "\x08x")
@@ -94,6 +96,20 @@ def test_json_escapes_names_and_keeps_them(tmp_path: Path, recording: bytes) -> 
         assert not unprintable(text)
         lines = text.splitlines() if words[0] == "estimate" else [text]
         assert any(EVERY_ONE in each for line in lines for each in strings(json.loads(line)))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other file systems refuse the name")
+def test_every_table_escapes_a_name_that_is_not_utf8(tmp_path: Path) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    path = tmp_path / os.fsdecode(b"gr\xf6.mcap")
+    write_recording(path, duration_s=0.6)
+    few = ("--estimator", "kinematic")
+    run("estimate", path, *few, "--parquet", tmp_path / "e.parquet", "--json", tmp_path / "e.jsonl")
+    rows = [json.loads(line) for line in (tmp_path / "e.jsonl").read_text().splitlines()]
+    in_parquet = parquet.read_table(tmp_path / "e.parquet").column("recording").to_pylist()
+    assert {*in_parquet, *(row["recording"] for row in rows)} == {r"gr\udcf6.mcap"}
+    run("export", path, tmp_path / "x.npz", "--what", "estimates", *few)
+    assert np.load(tmp_path / "x.npz")["W0/recording"][0] == r"gr\udcf6.mcap"
 
 
 @given(st.dictionaries(st.text(), st.text() | st.lists(st.text())))
