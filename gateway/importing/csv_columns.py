@@ -6,6 +6,7 @@ import math
 import os
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Final, NamedTuple, TextIO
 
@@ -208,7 +209,11 @@ class CsvColumns:
         # A reader for each line costs several times as much.
         if '"' not in line and 1 < len(line) < csv.field_size_limit():
             return line.rstrip("\n").split(self._delimiter)
-        return next(csv.reader([line], delimiter=self._delimiter))
+        try:
+            return next(csv.reader([line], delimiter=self._delimiter))
+        except csv.Error as error:
+            fault = f"a cell has more than {csv.field_size_limit()} characters"
+            raise ImportDataError(f"{self._path}: {fault}", "Check the delimiter and the quotation marks.") from error
 
     def _is_row(self, line: str) -> bool:
         """Return whether a line is of the sensor whose rows are read."""
@@ -235,11 +240,12 @@ class CsvColumns:
         if self._layout.decimal == ",":
             lines = [self._with_point(line) for line in lines]
         delimiter = None if self._layout.delimiter == "space" else self._delimiter
-        try:
-            return np.loadtxt(lines, delimiter=delimiter, usecols=use, ndmin=2, comments=None, quotechar='"')
-        except ValueError:
-            # The fast parser knows no empty cells.
-            values, bad = self._by_cell(lines, numbers, use)
+        with suppress(ValueError):
+            values = np.loadtxt(lines, delimiter=delimiter, usecols=use, ndmin=2, comments=None, quotechar='"')
+            if len(values) == len(lines):
+                return values
+        # The fast parser knows no empty cells, and joins the lines between two quotation marks.
+        values, bad = self._by_cell(lines, numbers, use)
         if bad and self._layout.unreadable == "error":
             raise self._refusal(bad[0], use, names)
         self.unreadable += len(bad)

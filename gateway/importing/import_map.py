@@ -9,7 +9,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import AwareDatetime, BeforeValidator, Field
+from pydantic import AwareDatetime, BeforeValidator, Field, ValidationError
 
 from firmware_protocol.messages import Axis, Coupling
 from gateway.core.config.validation import (
@@ -37,6 +37,7 @@ from gateway.core.config.vehicle import (
 )
 from gateway.core.config.vehicle import Sensor as Accuracy
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
+from gateway.core.errors import ConfigError
 from gateway.core.nearest_name import nearest
 
 ACCELERATION_UNITS_MPS2: Final[dict[str, float]] = {
@@ -518,7 +519,13 @@ def parse_map(text: str, origin: str) -> ImportMap:
     Raises:
         ConfigError: with one line for each fault.
     """
-    return parse_document(ImportMap, text, origin, _cross_faults)
+    parsed = parse_document(ImportMap, text, origin, _cross_faults)
+    try:
+        parsed.vehicle()
+    except ValidationError as error:
+        fault = error.errors()[0]["msg"].removeprefix("Value error, ")
+        raise ConfigError(f"{origin}: {fault}", f"Correct it in {origin}.") from error
+    return parsed
 
 
 def _cross_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
@@ -563,7 +570,7 @@ def _axis_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
     wheels = [wheel for _, wheel in as_tables(data.get("wheel"))]
     yield from _single_wheel_faults(data, len(wheels))
     sections = {f"wheel[#{k}].": wheel for k, wheel in enumerate(wheels, 1)} or {"": data}
-    columns: dict[str, object] = {}
+    columns: dict[str, dict[str, object]] = {}
     for prefix, section in sections.items():
         axes = as_table(section.get("axis"))
         if "axis" in section and "radial" not in axes:
@@ -573,10 +580,12 @@ def _axis_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
             sign = axis.get("sign", 1)
             if isinstance(sign, int) and not isinstance(sign, bool) and sign not in (1, -1):
                 yield Fault(f"{key}.sign", show(sign), "allowed: 1 or -1")
-        if not (prefix and "sensor" in section):
-            columns |= {f"{key}.column": axis.get("column") for key, axis in tables.items()}
+        # The rows of each sensor have the same columns.
+        of_rows = columns.setdefault(prefix if "sensor" in section else "", {})
+        of_rows.update({f"{key}.column": axis.get("column") for key, axis in tables.items()})
         yield from _wheel_faults(prefix, section, data) if prefix else ()
-    yield from _repeated(columns, lambda first: f"{first.removesuffix('.column')} has the same column")
+    for keys in columns.values():
+        yield from _repeated(keys, lambda first: f"{first.removesuffix('.column')} has the same column")
     positions = {f"{prefix}position": section.get("position") for prefix, section in sections.items() if prefix}
     yield from _repeated(positions, lambda _: "another wheel has the same position")
 

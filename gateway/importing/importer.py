@@ -41,6 +41,7 @@ _logger = logging.getLogger(__name__)
 
 # As the vehicle file allows them.
 _LOADS_N: Final = (50.0, 100_000.0)
+_MAX_LOAD_STD_N: Final = 50_000.0
 _EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 
 
@@ -209,6 +210,8 @@ def _import_sensors(
         rows = [WheelRows(reader, part, start - zero_s) for (reader, part), start in zip(wheels, starts, strict=True)]
         facts = wheels[starts.index(zero_s)][0].facts
         start_ns, start_is_file_date = _stated_start_ns(path, facts, import_map)
+        if not start_is_file_date and import_map.sampling.start_utc is None:
+            start_ns += round(import_map.sampling.start_s * 1e9)
         return import_wheels(path, rows, import_map, start_ns, out, progress, start_is_file_date=start_is_file_date)
 
 
@@ -509,7 +512,8 @@ def _measured_loads_n(import_map: ImportMap, file_scan: Scan) -> dict[str, tuple
             is_assigned = not reference.wheels or wheel.position in reference.wheels
             load_n = abs(mean) * reference.factor
             if is_assigned and wheel.load_n is None and _LOADS_N[0] <= load_n <= _LOADS_N[1]:
-                loads[wheel.position] = load_n, float(np.hypot(scatter, reference.std)) * reference.factor
+                load_std_n = float(np.hypot(scatter, reference.std)) * reference.factor
+                loads[wheel.position] = load_n, min(load_std_n, load_n, _MAX_LOAD_STD_N)
     return loads
 
 
@@ -604,11 +608,12 @@ def _selected(
 def _start_ns(path: Path, facts: FileFacts, import_map: ImportMap, file_scan: Scan) -> tuple[int, bool]:
     """Return the time of the first sample, and whether it is the modification time of the file."""
     start_ns, is_file_date = _stated_start_ns(path, facts, import_map)
-    if is_file_date or import_map.sampling.start_utc is not None:
+    sampling = import_map.sampling
+    if is_file_date or sampling.start_utc is not None:
         return start_ns, is_file_date
     source_hz = file_scan.rate_hz * (file_scan.decimation.factor if file_scan.decimation else 1)
-    # The file's own times count from its start.
-    is_file_time = facts.time_column is not None and import_map.sampling.time_column == facts.time_column
+    # The file's own times count from its start, dates from the first of them.
+    is_file_time = sampling.time_column is not None and sampling.time_column in (facts.time_column, *facts.dates)
     offset_s = file_scan.first_s if is_file_time else 0.0
     return start_ns + round((file_scan.skipped / source_hz + offset_s) * 1e9), False
 

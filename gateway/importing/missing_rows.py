@@ -1,6 +1,7 @@
 """Rows that a file leaves out, as steps of its time column show: gaps between the samples."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -71,7 +72,10 @@ class GapFilledColumns:
         for number, block in enumerate(self._reader.blocks(names)):
             times = counter.look(block.values[:, time_index])
             if counter.restarts:
-                block.values[:, time_index] = times
+                # The values may be those of the reader itself.
+                values = block.values.copy()
+                values[:, time_index] = times
+                block = replace(block, values=values)
             # The check of the values rejects such a time; here, its differences would overflow.
             times = np.where(np.abs(times) <= MAX_TIME_S / self._unit_s, times, np.nan)
             if number == 0:

@@ -123,12 +123,12 @@ class ParquetColumns:
         return bool(pa.types.is_timestamp(self._types[name]))
 
     def _begin_ns(self, name: str) -> int:
-        """Return the first time of a column of dates, 0 where the first row has none."""
+        """Return the first time of a column of dates, 0 where it has none."""
         import pyarrow as pa
 
-        for batch in self._file.iter_batches(batch_size=1, columns=[name]):
-            value = batch.column(name).cast(pa.timestamp("ns")).cast(pa.int64())[0].as_py()
-            return 0 if value is None else int(value)
+        for batch in self._file.iter_batches(batch_size=BLOCK_ROWS, columns=[name]):
+            if len(times := batch.column(name).drop_null()):
+                return int(times[:1].cast(pa.timestamp("ns")).cast(pa.int64())[0].as_py())
         return 0
 
 

@@ -64,9 +64,10 @@ class VboColumns(WaveformColumns):
             values, unit = hours * 3600 + minutes * 60 + seconds, "s"
             # The clock starts again at midnight.
             values = values + _DAY_S * np.cumsum(np.diff(values, prepend=values[0]) < -0.5 * _DAY_S)
-            if self._date is not None:
+            if self._date is not None and np.isfinite(values[0]):
                 day, month, year = (int(part) for part in self._date.groups())
-                self.start_ns = int(datetime(year, month, day, tzinfo=UTC).timestamp()) * 1_000_000_000
+                midnight_ns = int(datetime(year, month, day, tzinfo=UTC).timestamp()) * 1_000_000_000
+                self.start_ns = midnight_ns + round(float(values[0]) * 1e9)
         elif match := _VELOCITY.fullmatch(title):
             unit = {"kmh": "km/h", "knots": "km/h"}.get(match[1].lower(), match[1].lower())
             values = values * _KNOT_KMH if match[1].lower() == "knots" else values

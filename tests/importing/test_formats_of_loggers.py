@@ -216,8 +216,12 @@ def test_samples_and_rate_arrive(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "start"), [("famos.raw", 1714564800.25), ("imu.mcap", 1714640070.0), ("rig.tdx", 1714564805.0)]
-)
+    ("name", "start"),
+    [
+        ("famos.raw", 1714564800.25), ("imu.mcap", 1714640070.0), ("rig.tdx", 1714564805.0),
+        ("log.vbo", 1713139200.0 + 7 * 3600 + 21 * 60 + 48),
+    ],
+)  # fmt: skip
 def test_start_of_the_file_is_that_of_the_recording(tmp_path: Path, name: str, start: float) -> None:
     report = imported(WRITERS[name](tmp_path / name))
     assert not report.start_is_file_date

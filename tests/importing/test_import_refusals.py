@@ -58,6 +58,7 @@ def test_missing_columns_are_reported_with_suggestions(tmp_path: Path) -> None:
         ('x,y,z\n"1,5","2,5","3,5"\n', r"line 2, column 'x': '1,5' is not a number", "decimal"),
         ("x,y,z\n" + ROW * 2 + "1.0,nan,inf\n" + ROW, r"line 4, column 'z': inf cannot be measured", "cell empty"),
         ("x,y,z\n" + ROW + ",2.0,3.0\n" * 2, r"in 2 of 3 rows an axis has no value", "Leave the axis out"),
+        ('x,y,z\n1.0,2.0,"' + "-" * 131_073 + '"\n', "a cell has more than 131072 characters", "quotation"),
         ("x,y,z\n", "contains no rows of data", "Check"),
         ("x,y,z\n" + ROW, "contains 1 rows", "Check"),
         ("", "is empty", "Check"),
@@ -73,6 +74,13 @@ def test_csv_faults_name_the_line(tmp_path: Path, text: str, message: str, remed
 def test_bad_cell_in_a_later_block_is_reported(tmp_path: Path) -> None:
     path = text_file(tmp_path, "x,y,z\n" + ROW * 70_000 + "1.0,2.0,??\n" + ROW)
     assert "line 70002, column 'z': '??'" in str(refusal(path, simple_map()))
+
+
+@pytest.mark.parametrize("end", ['end"', ""])
+def test_quotation_marks_join_no_lines(tmp_path: Path, end: str) -> None:
+    notes = ['"start' if row == 100 else end if row == 200 else "" for row in range(600)]
+    path = text_file(tmp_path, "x,y,z,note\n" + "".join(f"1.0,2.0,{row}.0,{note}\n" for row, note in enumerate(notes)))
+    assert import_file(path, parse_map(simple_map(), "map"), tmp_path / "out.mcap").samples == 600
 
 
 def test_layouts_of_text_files(tmp_path: Path) -> None:

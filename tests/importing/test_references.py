@@ -13,6 +13,7 @@ from gateway.core.errors import ConfigError
 from gateway.core.recording.reader import RecordingReader
 from gateway.importing.commands.import_measurement import import_
 from gateway.importing.import_map import ReferenceColumn, parse_map
+from gateway.importing.importer import import_file
 from gateway.importing.map_guess import guess_map
 from gateway.importing.reference_channels import ReferenceChannel
 from gateway.importing.reference_comparison import ReferenceComparison
@@ -175,3 +176,13 @@ def test_channels_of_a_rig_vary_and_state_the_load(tmp_path: Path) -> None:
     told = {line.split("reference ")[1].split(":")[0]: line for line in result.output.splitlines() if " mean " in line}
     assert len(told) == 4
     assert float(told["camber_deg_3"].split("mean ")[1].split()[0]) == pytest.approx(0.7, abs=0.02)
+
+
+def test_load_that_a_rig_has_for_a_small_part_is_known_to_no_more_than_itself(tmp_path: Path) -> None:
+    load_n = np.repeat([4000.0, 0.0], [400, 1600])
+    path = write_csv(tmp_path / "rig.csv", {"z": np.sin(np.arange(2000.0)), "Fz": load_n})
+    text = simple_map(**{"axis.circumferential": "", "axis.lateral": ""})
+    text += '\n[[reference]]\nname = "load"\ncolumn = "Fz"\nquantity = "load"\nunit = "N"\n'
+    report = import_file(path, parse_map(text, "map"), tmp_path / "out.mcap")
+    (wheel,) = tomllib.loads(RecordingReader(report.recording).vehicle_toml or "")["wheel"]
+    assert wheel["load_std_n"] == wheel["load_n"] == pytest.approx(800.0)

@@ -91,6 +91,17 @@ def test_each_wheel_has_its_own_frames_and_conditions(tmp_path: Path) -> None:
         (simple_map(**ONE_WHEEL) + WHEELS.replace('"FR"', '"FL"'), r"wheel\[#2\].position: .*same position"),
         (simple_map(**ONE_WHEEL) + WHEELS.replace("right z", "left z"), r"wheel\[#1\].axis.radial has the same column"),
         (simple_map(**ONE_WHEEL) + WHEELS.replace("load_n", "load_std_n"), r"wheel\[#1\].load_std_n: .*needs load_n"),
+        (
+            simple_map(**ONE_WHEEL) + WHEELS.replace('position = "F', 'sensor_id = "a1"\nposition = "F'),
+            r"^map: wheel\[FR\].sensor_id: .*wheel\[FL\] has the same sensor",
+        ),
+        (
+            simple_map(**ONE_WHEEL, file='sensor_column = "node"')
+            + WHEELS.replace('position = "F', 'sensor = "1"\nposition = "F').replace("right x", "right z"),
+            r"wheel\[#2\].axis.radial.column: .*wheel\[#2\].axis.circumferential has the same column",
+        ),
+        (simple_map(conditions="load_n = 60\nload_std_n = 61"), "^map: .*load_std_n: .* up to load_n = 60"),
+        (simple_map(conditions="radius_mm = 200\nring_thickness_mm = 70"), "^map: tire.ring_thickness_mm: .* 30 %"),
         (simple_map(**ONE_WHEEL), r"axis: missing, \[axis.radial\] is required, or \[\[wheel\]\]"),
     ],
 )

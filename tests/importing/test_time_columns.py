@@ -3,14 +3,17 @@
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from gateway.core.errors import ConfigError, ImportDataError
-from gateway.importing.columns import BLOCK_ROWS
+from gateway.importing.columns import BLOCK_ROWS, Block
 from gateway.importing.import_map import parse_map
 from gateway.importing.importer import ImportReport, import_file
+from gateway.importing.missing_rows import GapFilledColumns
+from gateway.importing.parquet_columns import ParquetColumns
 from gateway.importing.time_counter import TimeCounter
 from tests.importing.measurements import Decoded, simple_map
 
@@ -111,6 +114,32 @@ def test_timestamps_of_parquet_are_dates(tmp_path: Path, zone: str | None) -> No
         )
 
 
+def test_start_of_parquet_is_that_of_the_first_row_where_it_has_no_time(tmp_path: Path) -> None:
+    pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    begin = datetime(2024, 5, 1, 12, tzinfo=UTC)
+    times = [None, None, *(begin + timedelta(microseconds=200 * row) for row in range(2, 400))]
+    path, out = tmp_path / "run.parquet", tmp_path / "out.mcap"
+    pq.write_table(pa.table({"t": pa.array(times, pa.timestamp("us", "UTC")), "z": np.sin(np.arange(400.0))}), path)
+    assert ParquetColumns(path).facts.dates == {"t": int(begin.timestamp()) * 10**9 + 400_000}
+    import_file(path, parse_map(simple_map(sampling=ISO, **RADIAL_ONLY), "map"), out)
+    assert Decoded(out).items[0].host_ns * 1e-9 == pytest.approx(begin.timestamp(), abs=1e-5)
+
+
+def test_rows_of_sensors_that_are_left_out_delay_the_start(tmp_path: Path) -> None:
+    path, out = tmp_path / "run.csv", tmp_path / "out.mcap"
+    rows = "".join(
+        f"{time},{s},{row % 50}\n" for row, time in enumerate(texts("2024-05-01T12:00:00", suffix="Z")) for s in "ab"
+    )
+    path.write_text("t,node,z\n" + rows)
+    wheels = "".join(
+        f'\n[[wheel]]\nposition = "{s}"\nsensor = "{s}"\n[wheel.axis.radial]\ncolumn = "z"\nunit = "g"' for s in "ab"
+    )
+    text = f'[file]\nsensor_column = "node"\n[sampling]\n{ISO}\nstart_s = 0.02\n[sensor]\ncoupling = "DC"{wheels}'
+    import_file(path, parse_map(text, "map"), out)
+    start = datetime(2024, 5, 1, 12, 0, 0, 20_000, tzinfo=UTC)
+    assert Decoded(out).items[0].host_ns * 1e-9 == pytest.approx(start.timestamp(), abs=1e-5)
+
+
 RATE_HZ = 9600.0
 
 
@@ -144,6 +173,15 @@ def test_counter_that_starts_again_goes_on(tmp_path: Path, bits: int, unit: str,
     report = imported_counters(tmp_path, times if unit == "us" else [f"{t * 1e-6:.6f}" for t in times], unit)
     assert (report.samples, report.left_out) == (count, 0)
     assert report.rate_hz == pytest.approx(RATE_HZ, rel=1e-6 + 1e-3 / count)
+
+
+def test_counter_that_starts_again_leaves_the_array_of_the_reader() -> None:
+    times = np.array(counter_us(40, 16, 20), dtype=float)[:, None]
+    times.flags.writeable = False
+    reader = SimpleNamespace(blocks=lambda names: iter([Block(0, times, str, 1.0)]))
+    sampling = parse_map(simple_map(sampling='time_column = "t"\ntime_unit = "us"', **RADIAL_ONLY), "map").sampling
+    (block,) = GapFilledColumns(Path("run.npz"), reader, sampling).blocks(["t"])
+    assert np.diff(block.values[:, 0]) == pytest.approx(1e6 / RATE_HZ, abs=1.0)
 
 
 def test_samples_missing_where_a_counter_starts_again_are_a_gap(tmp_path: Path) -> None:
