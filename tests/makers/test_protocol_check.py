@@ -13,6 +13,8 @@ from click.testing import Result
 
 from gateway.core.clock import SystemClock
 from gateway.core.errors import TreadlinkError
+from gateway.core.links.source import Chunk, LinkEvent, LinkEventKind
+from gateway.core.recording.writer import RecordingWriter
 from gateway.makers.check.clauses import Clause, Verdict
 from gateway.makers.commands.clause_report import PAGE, anchor
 from gateway.makers.commands.protocol_check import dump_frames
@@ -134,6 +136,27 @@ def test_a_link_that_breaks_ends_the_check_with_its_report(right_dump: str) -> N
     assert result.exit_code == 0, result.output
     assert "connection lost: " in result.stderr
     assert "1591 frames" in result.stdout
+
+
+def test_a_link_that_breaks_in_a_recording_ends_no_other(tmp_path: Path) -> None:
+    dump = b"".join(data for _, data in right_stream())
+    writer = RecordingWriter(tmp_path / "run.mcap", start_ns=10**9, sources=["a", "b"])
+    for item in (
+        LinkEvent("a", 10**9, LinkEventKind.LOST, "unplugged"),
+        Chunk("a", 2 * 10**9, dump[:20_000]),
+        LinkEvent("a", 3 * 10**9, LinkEventKind.LOST, "unplugged"),
+        Chunk("b", 4 * 10**9, dump[:9_000] + b"?" + dump[9_000:20_000]),
+        Chunk("a", 5 * 10**9, dump[30_000:50_000]),
+    ):
+        writer.write(item)
+    writer.close()
+    result = run("check", str(tmp_path / "run.mcap"), "--json")
+    reports = [json.loads(line) for line in result.stdout.splitlines()]
+    crc = [clause["verdict"] for report in reports for clause in report["clauses"] if clause["clause"] == Clause.CRC]
+    assert [report["link"] for report in reports] == ["a", "b", "a"]
+    assert crc == [Verdict.PASSED, Verdict.FAILED, Verdict.PASSED]
+    assert not any(clause["verdict"] == Verdict.FAILED for clause in reports[0]["clauses"] + reports[2]["clauses"])
+    assert result.exit_code == 1
 
 
 def test_a_silent_hub_does_not_keep_the_check() -> None:

@@ -52,17 +52,18 @@ def check_link(
 ) -> list[CheckReport]:
     """Check the firmware behind a URI, or a recording or raw dump.
 
-    A signal, or a link that breaks, ends it with a report of what there was.
+    A signal, or a link that breaks, ends it with a report of what there was; a file goes on with its other links.
 
     Returns:
-        Reports by link.
+        Reports by link; of a file, by connection.
 
     Raises:
         SourceError: the source cannot be opened.
         RecordingError: the file cannot be read.
-        LinkLostError: the link broke before anything arrived.
+        LinkLostError: the link of a URI broke before anything arrived.
     """
     checks: dict[str, FirmwareCheck] = {}
+    ended: list[FirmwareCheck] = []
     capacity = _capacity_bytes_per_s(source)
 
     def link_check(link: str) -> FirmwareCheck:
@@ -74,10 +75,13 @@ def check_link(
     with stop_request() as stop, _items(source, for_s, clock, stop, reads_ahead=True) as (items, two_way):
         for item in items:
             if isinstance(item, LinkEvent) and item.kind is LinkEventKind.LOST:
-                if not checks:
+                if not checks and not is_file(source):
                     raise LinkLostError(item.text, "Is the firmware running?")
                 say(f"{escaped(item.link)}: {text(item.reason)}")
-                break
+                if not is_file(source):
+                    break
+                # What is not received until it connects again is no fault of the firmware.
+                ended += [checks.pop(item.link)] if item.link in checks else []
             if isinstance(item, LinkEvent) and item.kind is LinkEventKind.CONNECTED and two_way and sends_commands:
                 trial = CommandTrial(link_check(item.link).ledger, keys)
             if not isinstance(item, Chunk):
@@ -86,16 +90,15 @@ def check_link(
             frames = check.chunk(item)
             if trial is not None and two_way is not None:
                 _try_out(trial, two_way, trial.step(frames, item.host_ns), check, clock)
+    ended += checks.values()
     if trial is not None:
         trial.finish()
     else:
         reason = Reason(FirmwareCode.CHECK_NOT_DONE, why="no_commands" if sends_commands else "no_commands_wanted")
-        for check in checks.values():
+        for check in ended:
             for clause in CLAUSES:
                 check.ledger.leave(clause, reason)
-    if not checks:
-        link_check(source)
-    return [check.finish() for check in checks.values()]
+    return [check.finish() for check in ended or [link_check(source)]]
 
 
 def _try_out(trial: CommandTrial, source: TwoWaySource, data: bytes, check: FirmwareCheck, clock: Clock) -> None:
