@@ -16,7 +16,7 @@ from gateway.core.quantity_catalogue import CATALOGUE, declared, quantity_of, re
 from gateway.core.reasons import CoreCode, Reason
 from gateway.core.recording.revolution_fields import CONDITIONS
 from gateway.core.trust.reasons import TrustCode
-from gateway.core.trust.signal_evidence import Contradiction, Subject
+from gateway.core.trust.signal_evidence import Contradiction, Evidence, Subject
 from tests.test_import_rules import dotted, modules
 
 RATE = Contradiction(Subject.STEADY, Reason(TrustCode.NO_SINGLE_CAUSE), {Basis.RATE: 2.0})
@@ -69,6 +69,25 @@ def test_only_the_distance_rests_on_times_alone() -> None:
 )
 def test_a_wrong_rate_reaches_all_that_rests_on_it(name: str, value: float, effect: float) -> None:
     assert RATE.effect_on(Estimate(name, value, 1e-6, Status.VALID)) == pytest.approx(effect)
+
+
+@pytest.mark.parametrize("basis", [Basis.AXES, Basis.ALONG])
+def test_an_axis_that_is_another_leaves_nothing_valid_that_is_read_from_it(basis: Basis) -> None:
+    wrong_axis = Contradiction(Subject.AXES, Reason(TrustCode.AXES_SWAPPED), {basis: 0.0})
+    names = {
+        Basis.AXES: {"turn_rate_radps", "curve_radius_m", "side_force_n", "friction_used"},
+        Basis.ALONG: {"road_grade_rad", "pitch_tilt_rad", "sensor_offset_m"},
+    }
+    evidence = Evidence.of_contradictions((wrong_axis,))
+    for other, read in names.items():
+        statuses = {evidence.qualified(Estimate(name, 0.05, 1e-3, Status.VALID)).status for name in read}
+        assert statuses == {Status.INVALID if other is basis else Status.VALID}
+
+
+def test_gain_of_the_lateral_axis_changes_the_curve_radius_as_the_turn_rate() -> None:
+    gain = Contradiction(Subject.TURN_RATE, Reason(TrustCode.NO_SINGLE_CAUSE), {Basis.AXES: 0.8})
+    assert gain.effect_on(Estimate("turn_rate_radps", 0.2, 1e-3, Status.VALID)) == pytest.approx(0.2)
+    assert gain.effect_on(Estimate("curve_radius_m", 60.0, 0.3, Status.VALID)) == pytest.approx(0.25)
 
 
 @pytest.mark.parametrize("name", ["cavity_hz", "cavity_temperature_degc", "cavity_gas_ratio"])

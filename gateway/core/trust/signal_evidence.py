@@ -120,8 +120,11 @@ class Contradiction:
         quantity = quantity_of(estimate.name)
         if Basis.COUPLING in self.ratios:
             return math.inf if Basis.COUPLING in quantity.rests_on else 0.0
-        powers = quantity.powers
-        changes = [abs(self.ratios[cause] ** power - 1.0) for cause, power in powers.items() if cause in self.ratios]
+        changes = [
+            abs(ratio**power - 1.0) if ratio or power > 0.0 else math.inf
+            for cause, ratio in self.ratios.items()
+            if (power := quantity.powers.get(cause))
+        ]
         if not changes and self.ratios.keys() & {Basis.OFFSET, Basis.ZERO} & quantity.rests_on:
             return math.nan
         return max(changes, default=0.0)
