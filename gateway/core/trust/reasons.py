@@ -140,7 +140,7 @@ class TrustCode(Codes):
         "the sensor is too coarse, which biases the numbers: its steps of {step_mps2:.2g m/s²} are more than twice "
         "the noise"
     )
-    SENSOR_STUCK = Code("the sensor is stuck: no axis changed by one count for {duration_s:.0f s} ({axes} counts)")
+    SENSOR_STUCK = Code("the sensor is stuck: {axes} counts, unchanged for {duration_s:.0f s}")
     SENSOR_TILTED = Code(
         "the sensor is tilted by {tilt_rad:.0f deg}, or its axes are swapped: the {axis} axis has the steady value of "
         "the radial one"

@@ -65,8 +65,6 @@ _HIDDEN_WITHIN_TURNS: Final = 0.25
 # a turn for which it is, of the shortest one.
 _CONTACT_SHARE: Final = 0.4
 _DIP_SHARE: Final = 0.05
-# Faults of a sensor whose radial axis shows no contacts; they say more than that axis can.
-_CONTACTLESS_FAULTS: Final = frozenset((TrustCode.SENSOR_DEAD, TrustCode.SENSOR_STUCK, TrustCode.SENSOR_TILTED))
 
 
 @dataclass(slots=True)
@@ -178,7 +176,7 @@ class WheelPipeline:
         limits = SensorLimits(hello, self.setup.sensor.bandwidth_hz, ac_coupled=reading.ac_coupled)
         self._sensor = _Sensor(hello, reading, health, limits)
         if not is_same_layout:
-            if previous is not None and previous.hello.sensor_id != hello.sensor_id:
+            if len(self._serials) > 1 and self._serials[-2] != hello.sensor_id:  # a restart forgets `previous`
                 self._tire.reset()
             if self._buffer is not None:
                 self._overwritten_before += self._buffer.overwritten
@@ -221,7 +219,7 @@ class WheelPipeline:
         """Handle a restart of the hub: its counters and times are new; the estimates of the tire are kept."""
         self._snapshot = None
         self._process_waiting()
-        self._sensor = None
+        self._sensor = self._segmenter = None
         self._tire.forget_environment()
 
     def samples(
@@ -580,7 +578,7 @@ class WheelPipeline:
             reasons = (Reason(WheelCode.NO_SAMPLES),)
         if not reasons:
             return None
-        faults = tuple(flag.reason for flag in flags if flag.reason.code in _CONTACTLESS_FAULTS)
+        faults = tuple(flag.reason for flag in flags if _is_contactless(flag.reason))
         if faults and reasons[0].code is not ContactCode.RADIAL_AT_RANGE_END:
             reasons = faults
         return Reason(CoreCode.NO_REVOLUTION, duration_s=self._missing.duration_s, why=reasons)
@@ -589,7 +587,7 @@ class WheelPipeline:
         """Return the present faults, one that keeps revolutions from coming last."""
         health = self._sensor.health.flags() if self._sensor is not None else ()
         flags = (*health, *self._tire.flags())
-        if not self._missing.is_fault or any(flag.reason.code in _CONTACTLESS_FAULTS for flag in flags):
+        if not self._missing.is_fault or any(_is_contactless(flag.reason) for flag in flags):
             return flags
         reason = Reason(CoreCode.NO_REVOLUTION, duration_s=self._missing.waited_s, why=self._missing.present)
         return (*flags, SensorFlag("no revolution", reason))
@@ -634,6 +632,13 @@ class WheelPipeline:
             missing=self._missing_reason(flags),
             silences=(old,) if old is not None else (),
         )
+
+
+def _is_contactless(fault: Reason) -> bool:
+    """Return whether the radial axis of a sensor with a fault shows no contacts; the fault says more than that axis."""
+    if fault.code is TrustCode.SENSOR_STUCK:
+        return any(("axis", AXIS_NAMES[Axis.RADIAL]) in part.values for part in fault)
+    return fault.code in (TrustCode.SENSOR_DEAD, TrustCode.SENSOR_TILTED)
 
 
 def _may_hide_contacts(

@@ -15,6 +15,7 @@ from gateway.core.contacts.reasons import ContactCode
 from gateway.core.estimates.results import WheelSnapshot
 from gateway.core.estimates.wheel_setup import WheelSetup
 from gateway.core.reasons import CoreCode, Reason
+from gateway.core.text.wording import text
 from gateway.core.trust.reasons import TrustCode
 from gateway.core.wheels.reasons import WheelCode
 from gateway.core.wheels.wheels import Pipeline
@@ -192,19 +193,41 @@ def test_dead_sensor_is_the_reason(to_frames: ToFrames) -> None:
     assert main_reason(wheel).code is TrustCode.SENSOR_DEAD
 
 
-def test_swapped_axes_are_the_reason(roll: Roll) -> None:
-    # Circumferential acceleration on the radial channel, and the other way round.
-    signal = roll(65.0, 7.0).radial_mps2
-    channels = np.stack((signal, noise(len(signal)), 30.0 * np.sin(np.arange(len(signal)))), axis=1)
-    counts = np.rint(channels / SCALE_MPS2).astype(np.int16)
+def of_three_axes(*axes_mps2: Signal) -> list[Frame]:
+    """Return the frames of a sensor of three axes."""
+    counts = np.rint(np.stack(axes_mps2, axis=1) / SCALE_MPS2).astype(np.int16)
     described = hello(axes=0b111, range_mps2=(1600.0,) * 3, scale_mps2=(SCALE_MPS2,) * 3)
     frames = [Frame(MessageType.HELLO, 0, 0, 0, 0, described)]
     for index in range(0, len(counts) - 36, 36):
         block = SampleBlock(index, 0b111, counts[index : index + 36])
         frames.append(Frame(MessageType.SAMPLES, 0, 0, len(frames), round(index / RATE_HZ * 1e6), block))
-    wheel, flags = run(frames)
+    return frames
+
+
+def test_swapped_axes_are_the_reason(roll: Roll) -> None:
+    # Circumferential acceleration on the radial channel, and the other way round.
+    signal = roll(65.0, 7.0).radial_mps2
+    wheel, flags = run(of_three_axes(signal, noise(len(signal)), 30.0 * np.sin(np.arange(len(signal)))))
     assert main_reason(wheel).code is TrustCode.SENSOR_TILTED
     assert flags == {"mounting"}
+
+
+def test_unconnected_lateral_axis_hides_no_other_reason(roll: Roll) -> None:
+    in_g = roll(65.0, 6.5).radial_mps2 / G
+    wheel, flags = run(of_three_axes(noise(len(in_g)), 0.0 * in_g, in_g))
+    assert main_reason(wheel).code is ContactCode.RADIAL_IS_IN_G
+    assert flags == {"stuck", "no revolution"}
+    (stuck,) = [flag.reason for flag in wheel.flags if flag.name == "stuck"]
+    assert text(stuck) == "the sensor is stuck: lateral at 0 counts, unchanged for 1 s"
+    standing = noise(round(4.5 * RATE_HZ))
+    assert main_reason(run(of_three_axes(standing, 0.0 * standing, standing - G))[0]).code is ContactCode.WHEEL_STANDS
+
+
+def test_stuck_radial_axis_beside_others_is_the_reason() -> None:
+    other = noise(round(7.0 * RATE_HZ))
+    wheel, flags = run(of_three_axes(other, other, np.full(len(other), 100.0)))
+    assert main_reason(wheel).code is TrustCode.SENSOR_STUCK
+    assert flags == {"stuck"}
 
 
 def test_samples_without_hello_are_named(roll: Roll, to_frames: ToFrames) -> None:

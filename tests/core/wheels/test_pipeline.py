@@ -269,6 +269,23 @@ def test_hub_restart_loses_only_unsent_samples(roll, to_frames):
     assert_agree(run_batch(stream(first + second))[0], results)
 
 
+@pytest.mark.parametrize("boot_count", [1, 2])
+def test_another_sensor_begins_a_new_tire_also_where_the_hub_has_restarted(roll, to_frames, boot_count) -> None:
+    frames = to_frames(roll(65.0, 1.0).radial_mps2, sensor_id=0xA)
+    for sensor_id, is_kept in ((0xA, True), (0xB, False)):
+        hello = to_frames(np.zeros(0), sensor_id=sensor_id, boot_count=boot_count)[:1]
+        _, pipeline = run_live(stream(frames + hello), estimators=("kinematic",))
+        assert (pipeline.average_mps2("FL") is not None) == is_kept
+
+
+def test_stream_may_end_before_every_wheel_of_a_restarted_hub_has_said_hello(roll, to_frames) -> None:
+    first, other = (to_frames(roll(65.0, 1.0).radial_mps2, wheel=wheel) for wheel in (0, 1))
+    again = to_frames(np.zeros(0), boot_count=2)
+    results, pipeline = run_live(stream([*first, *other, *again]), SETUPS[:2], estimators=("kinematic",))
+    assert {result.position for result in results} == {"W0", "W1"}
+    assert [wheel.state for wheel in pipeline.wheels()] == [WheelState.NO_DATA] * 2
+
+
 def test_long_gap_is_not_interpolated(roll, to_frames):
     frames = to_frames(roll(65.0, 8.0).radial_mps2)
     results, pipeline = run_live(stream(frames[:800] + frames[1300:]))
@@ -326,6 +343,15 @@ def test_a_pressure_that_no_tire_has_is_not_used(roll, to_frames, reading):
     results, _ = run_live(stream([*frames[:400], false, *frames[400:]]))
     assert {result.conditions.pressure_pa for result in results} == {210e3}
     assert {result.conditions.temperature_degc for result in results} == {35.0}
+
+
+@pytest.mark.parametrize("pressure_pa", [-1300.0, 0.0])
+def test_a_flat_tire_below_the_barometer_has_speed_and_contact(roll, to_frames, pressure_pa):
+    results, _ = run_live(stream(to_frames(roll(65.0, 2.0).radial_mps2, pressure_pa=pressure_pa)))
+    assert {result.conditions.pressure_pa for result in results} == {pressure_pa}
+    statuses = {estimate.name: estimate.status for estimate in results[-1].estimates}
+    assert {statuses["speed_mps"], statuses["contact_length_m"], statuses["Rs/Cw"]} == {Status.VALID}
+    assert {statuses["Bs"], statuses["Rs"]} == {Status.INVALID}
 
 
 def test_unconfigured_wheels_are_estimated(roll, to_frames):
