@@ -81,7 +81,7 @@ def check_link(
                 if not is_file(source):
                     break
                 # What is not received until it connects again is no fault of the firmware.
-                ended += [checks.pop(item.link)] if item.link in checks else []
+                ended += filter(None, [checks.pop(item.link, None)])
             if isinstance(item, LinkEvent) and item.kind is LinkEventKind.CONNECTED and two_way and sends_commands:
                 trial = CommandTrial(link_check(item.link).ledger, keys)
             if not isinstance(item, Chunk):
