@@ -150,7 +150,7 @@ def test_blocked_terminal_does_not_delay_the_session(lab) -> None:
         assert live.wait(TIMEOUT_S)
         printed.extend(text.splitlines())
 
-    session = RunningSession(OpenedSession(live, live._summary, None, None, ()))
+    session = RunningSession(OpenedSession(live, None, None, ()))
     run_plain(session, StopRequest(), terminal)
     end_session(session, printed.append)
     assert any("revolutions" in line for line in printed)

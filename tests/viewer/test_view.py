@@ -180,7 +180,7 @@ def test_every_revolution_is_reached_by_its_number(view, recorded) -> None:
 
 
 def test_question_while_the_estimates_are_made_does_not_end_them() -> None:
-    rolled, rows = RolledRevolutions(1.0), array("d", bytes(24 * 400_000))
+    rolled, rows = RolledRevolutions(1.0), array("d", [*bytes(3 * 400_000), 1.0, 1.0, 1.0])
     rolled._rows["W0"] = rows
     asking = threading.Thread(target=lambda: [rolled.time_s("W0", 5) for _ in range(5)])
     asking.start()
