@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from gateway.core.errors import ImportDataError
-from gateway.importing import file_formats, reader_process
+from gateway.importing import file_formats
 from gateway.importing.columns import Block, FileFacts, require_columns, row_places
 from gateway.importing.import_map import FileFormat, parse_map
 from gateway.importing.importer import import_file
@@ -52,8 +52,7 @@ def test_parser_killed_while_reading_is_an_error(tmp_path: Path) -> None:
     reader.close()
 
 
-def test_parser_that_hangs_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reader_process, "_SPARE_S", 1.0)
+def test_parser_that_hangs_is_ended(tmp_path: Path) -> None:
     before = multiprocessing.active_children()
     reader = opened(tmp_path)
     os.kill(pid_of(reader), signal.SIGSTOP)
