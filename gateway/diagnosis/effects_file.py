@@ -14,6 +14,7 @@ from gateway.core.config.validation import Section, read_text
 from gateway.core.config.vehicle import POSITION_PATTERN
 from gateway.core.errors import ConfigError
 from gateway.core.estimates.wheel_setup import CorrectedEffect, CorrectionTable, EffectParameter
+from gateway.core.storable_text import storable
 
 VERSION: Final = 3
 """Of files that are written and read. Earlier ones have no digest, so that nothing shows whether they were edited."""
@@ -122,7 +123,7 @@ def effects_text(table: CorrectionTable) -> str:
         "sensor_id": None if table.sensor_id is None else f"{table.sensor_id:08x}",
         "radius_mm": rounded(table.radius_m * 1e3),
         "sensor_offset_mm": rounded(table.sensor_offset_m * 1e3),
-        "found_in": [source.encode("utf-8", "backslashreplace").decode() for source in table.sources],
+        "found_in": [storable(source) for source in table.sources],
         "valid": {
             "omega_radps": list(table.omega_range_radps),
             "load_n": None if table.load_range_n is None else list(table.load_range_n),

@@ -12,8 +12,8 @@ from gateway.core.estimates.results import RevolutionResult
 from gateway.core.reasons import Notice, Reason
 from gateway.core.recording.recorded_file import open_recorded_file
 from gateway.core.session.recording_pass import OpenedRecording, open_recording
+from gateway.core.storable_text import storable
 from gateway.core.text.output_file import OutputFile, WholeOutput, is_stdout, scratch_folder
-from gateway.core.text.text import storable
 from gateway.exporting.export_registry import CONTENTS, FORMATS
 from gateway.exporting.export_table import Block, ExportWriter, Target, WheelTable, length
 from gateway.exporting.measured_tables import Source, measured

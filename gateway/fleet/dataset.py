@@ -33,9 +33,9 @@ from gateway.core.errors import OutputError
 from gateway.core.nearest_name import missing_path_remedy
 from gateway.core.reasons import Reason
 from gateway.core.recording.file_content import FileContent
+from gateway.core.storable_text import storable
 from gateway.core.table_columns import FAILURE_COLUMNS
 from gateway.core.text.output_file import write_whole
-from gateway.core.text.text import storable
 from gateway.core.text.wording import as_json, text
 from gateway.core.trust.reasons import TrustCode
 from gateway.fleet.content_keys import path_key
@@ -451,7 +451,7 @@ def partition_name(vehicle: str) -> str:
 def partition(vehicle: str, start_ns: int) -> Path:
     """Return `vehicle=NAME/day=YYYY-MM-DD`, NAME as other programs of Parquet read it back, the day in UTC."""
     name = partition_name(vehicle)
-    encoded = quote(name.encode("utf-8", "backslashreplace"), safe=" ")
+    encoded = quote(storable(name), safe=" ")
     if name == _NULL_PARTITION:
         encoded = encoded.replace("_", "%5F", 1)
     day = np.datetime_as_string(np.datetime64(start_ns, "ns"), unit="D")

@@ -29,6 +29,7 @@ from gateway.core.session.corrections import check_effects
 from gateway.core.session.reasons import SessionCode
 from gateway.core.session.recording_pass import OpenedRecording, RecordingPass, open_recording
 from gateway.core.session.wheel_identity import configured, configured_tire
+from gateway.core.storable_text import storable
 from gateway.core.table_columns import (
     RECORDING_HEAD,
     RECORDING_TAIL,
@@ -42,7 +43,6 @@ from gateway.core.text.numbers import distinct_name
 from gateway.core.text.result_columns import as_objects, estimate_cells, result_columns, texts
 from gateway.core.text.result_table import alarm_fields
 from gateway.core.text.table_sinks import Cell
-from gateway.core.text.text import storable
 from gateway.core.text.wheel_rows import WheelRow, json_cell
 from gateway.core.text.wording import as_json
 from gateway.core.wheels.reasons import WheelCode

@@ -14,9 +14,9 @@ from gateway.core.config.vehicle import VehicleConfig
 from gateway.core.errors import OutputError, TreadlinkError
 from gateway.core.reasons import Reason
 from gateway.core.recording.file_content import FileContent
+from gateway.core.storable_text import storable
 from gateway.core.table_columns import DIAGNOSIS_COLUMNS
 from gateway.core.text.plain_values import plain
-from gateway.core.text.text import storable
 from gateway.core.text.wording import as_json, joined, text
 from gateway.diagnosis.campaign_diagnosis import diagnose_agreeing
 from gateway.diagnosis.reasons import DiagnosisCode

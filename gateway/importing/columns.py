@@ -103,11 +103,6 @@ class ColumnReader(BlockReader, Protocol):
         ...
 
 
-def printable(name: str) -> str:
-    """Return a name of a file without parts that no terminal can print."""
-    return name.encode("utf-8", "backslashreplace").decode()
-
-
 def row_places(first_row: int) -> Callable[[int], str]:
     """Return the names of the rows of a block for messages, counted from 1."""
     return lambda k: f"row {first_row + k + 1}"

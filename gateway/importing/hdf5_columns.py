@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from gateway.core.errors import ImportDataError
+from gateway.core.storable_text import storable
 from gateway.core.types import FloatArray
 from gateway.importing.column_names import rate_of
 from gateway.importing.columns import (
@@ -23,7 +24,6 @@ from gateway.importing.columns import (
     MAX_MATRIX_COLUMNS,
     Block,
     FileFacts,
-    printable,
     require_equal_lengths,
     row_places,
 )
@@ -149,7 +149,7 @@ class Hdf5Columns:
                 raise ImportDataError(
                     f"{self._path} has more than {_MAX_OBJECTS} objects", "Copy the columns of one run to a new file."
                 )
-            name = f"{prefix}{separator}{printable(key)}" if prefix else printable(key)
+            name = f"{prefix}{separator}{storable(key)}" if prefix else storable(key)
             try:
                 self._add_link(name, group, key, depth, ancestors | {address})
             except (MemoryError, ImportDataError):
@@ -190,7 +190,7 @@ class Hdf5Columns:
         elif matlab_class == "char":
             self._unusable[name] = ("is text", _AS_VECTORS)
         elif matlab_class and matlab_class not in _MATLAB_NUMBERS:
-            self._unusable[name] = (f"is a MATLAB object of class {printable(matlab_class)}", _MATLAB_TABLE)
+            self._unusable[name] = (f"is a MATLAB object of class {storable(matlab_class)}", _MATLAB_TABLE)
             if matlab_class in CLASSES:
                 self._objects.add(name)
         elif kind == "c" or set(data.dtype.names or ()) == {"real", "imag"}:
@@ -224,8 +224,8 @@ class Hdf5Columns:
         for key in holder.attrs:
             rate_hz = rate_of(key, _attribute(holder, key))
             if rate_hz is not None:
-                self._rates_hz[f"{name}@{printable(key)}"] = rate_hz
-        self._conditions += conditions_in({printable(key): _attribute(holder, key) for key in holder.attrs}, name)
+                self._rates_hz[f"{name}@{storable(key)}"] = rate_hz
+        self._conditions += conditions_in({storable(key): _attribute(holder, key) for key in holder.attrs}, name)
 
     def _add_numbers(self, name: str, data: h5py.Dataset) -> None:
         shape = data.shape
@@ -260,7 +260,7 @@ class Hdf5Columns:
                 read_rows = functools.partial(_read_rows, column)
                 self._waveforms.waveforms[column_name] = Waveform(column.rows, read_rows, step_s, unit, start_s)
             if unit:
-                self._units[column_name] = printable(unit)
+                self._units[column_name] = storable(unit)
 
     def _add_fields(self, name: str, data: h5py.Dataset) -> None:
         if len(data.shape) != 1:
@@ -268,7 +268,7 @@ class Hdf5Columns:
             return
         for field in data.dtype.names:
             kind = data.dtype[field]
-            column = f"{name}.{printable(field)}"
+            column = f"{name}.{storable(field)}"
             if kind.kind in "iufb" and not kind.shape:
                 self._columns[column] = _Column(data, data.shape[0], field=field)
             else:

@@ -12,8 +12,9 @@ from typing import Final
 import numpy as np
 
 from gateway.core.errors import ImportDataError
+from gateway.core.storable_text import storable
 from gateway.core.types import FloatArray
-from gateway.importing.columns import Block, printable
+from gateway.importing.columns import Block
 from gateway.importing.waveform_columns import Waveform, WaveformColumns
 
 _SCHEMAS: Final = ("sensor_msgs/msg/Imu", "sensor_msgs/Imu")
@@ -54,17 +55,17 @@ class ImuColumns(WaveformColumns):
                 logged_ns.setdefault(channel.topic, []).append(message.log_time)
                 values.setdefault(channel.topic, []).append(numbers)
         if not values:
-            types_text = ", ".join(sorted(map(printable, other_types))[:8]) or "none"
+            types_text = ", ".join(sorted(map(storable, other_types))[:8]) or "none"
             raise ImportDataError(f"{path} has no messages of {_SCHEMAS[0]}", f"Its messages are: {types_text}.")
         for topic, stamps in times_ns.items():
             if len(stamps) > 1 and min(stamps) == max(stamps):
                 times_ns[topic] = logged_ns[topic]
                 self.warnings.append(
-                    f"all stamps of {printable(topic)} are {stamps[0]} ns: its times are those of logging"
+                    f"all stamps of {storable(topic)} are {stamps[0]} ns: its times are those of logging"
                 )
         self.start_ns = min(min(stamps) for stamps in times_ns.values())
         for topic, stamps in times_ns.items():
-            self._add(printable(topic).strip("/"), np.array(stamps), np.array(values[topic]))
+            self._add(storable(topic).strip("/"), np.array(stamps), np.array(values[topic]))
 
     def blocks(self, names: Sequence[str]) -> Iterator[Block]:
         """Yield the named columns.

@@ -267,18 +267,19 @@ def _reason(name: str, axis: Axis, missed: Sequence[str], count: int) -> str:
         doubts.append("not read: " + ", ".join(f"'{column}'" for column in missed))
     if name == "radial" and count > len(_AXES):
         doubts.append(f"{count} columns may be axes")
+    is_uncertain = False
     if names_role(axis.seen.name, name):
         reason = "by its name"
     elif name != "radial":
-        reason = "by the size of its variation only"
+        reason, is_uncertain = "by the size of its variation only", True
         doubts += ["it may be of another sensor"] if count > len(_AXES) else []
     elif axis.is_rolling:
         reason = f"mean {axis.steady:.4g}, contact {abs(axis.depth):.4g} deep"
     else:
         reason = f"the largest mean, {axis.steady:.4g}; no revolutions are seen in the first rows"
-    is_uncertain = any(doubts) or reason.startswith(("by the size", "the largest"))
+        is_uncertain = True
     remark = "; ".join([reason, *filter(None, doubts)])
-    return f"   # {'? ' if is_uncertain else ''}{_comment(remark)}"
+    return f"   # {'? ' if is_uncertain or any(doubts) else ''}{_comment(remark)}"
 
 
 def _sensor_lines(radial: Axis) -> list[str]:

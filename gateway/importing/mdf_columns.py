@@ -15,8 +15,9 @@ from xml.etree import ElementTree
 import numpy as np
 
 from gateway.core.errors import ImportDataError
+from gateway.core.storable_text import storable
 from gateway.core.types import FloatArray
-from gateway.importing.columns import BLOCK_ROWS, Block, FileFacts, printable, row_places
+from gateway.importing.columns import BLOCK_ROWS, Block, FileFacts, row_places
 
 _MAX_CHANNELS: Final = 20_000
 # A channel of another group is loaded as a whole; a slow quantity has fewer samples.
@@ -98,8 +99,8 @@ class MdfColumns:
                 entries = ElementTree.fromstring(block.comment).iterfind("./common_properties/e")
                 properties = {entry.get("name", ""): (entry.text or "", entry.get("desc", "")) for entry in entries}
                 if properties:
-                    wheel = printable(str(block.acq_name))
-                    conditions[wheel] = {name: tuple(map(printable, pair)) for name, pair in properties.items()}
+                    wheel = storable(str(block.acq_name))
+                    conditions[wheel] = {name: tuple(map(storable, pair)) for name, pair in properties.items()}
         return conditions
 
     def _list(self) -> None:
@@ -108,7 +109,7 @@ class MdfColumns:
             master = self._mdf.masters_db.get(number)
             for index, channel in enumerate(group.channels):
                 if index != master:
-                    channels.append((printable(channel.name), number, index))
+                    channels.append((storable(channel.name), number, index))
             if len(channels) > _MAX_CHANNELS:
                 raise ImportDataError(
                     f"{self._path} has more than {_MAX_CHANNELS} channels",
@@ -123,7 +124,7 @@ class MdfColumns:
             conversion = getattr(channel, "conversion", None)
             unit = getattr(conversion, "unit", "") or getattr(channel, "unit", "")
             if unit:
-                self._units[column] = printable(str(unit))[:40]
+                self._units[column] = storable(str(unit))[:40]
 
     def blocks(self, names: Sequence[str]) -> Iterator[Block]:
         """Yield the named channels at the times of the first; an invalid value is NaN."""

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 
 from gateway.core.errors import ImportDataError
+from gateway.core.storable_text import storable
 from gateway.importing.column_names import rate_of
-from gateway.importing.columns import MAX_MATRIX_COLUMNS, printable
+from gateway.importing.columns import MAX_MATRIX_COLUMNS
 from gateway.importing.waveform_columns import Waveform, WaveformColumns
 
 
@@ -26,11 +27,11 @@ class NpzColumns(WaveformColumns):
         arrays = {path.stem: loaded} if isinstance(loaded, np.ndarray) else loaded
         for name in arrays:
             try:
-                self._add(printable(name), np.asarray(arrays[name]))
+                self._add(storable(name), np.asarray(arrays[name]))
             except ValueError as error:
                 if "allow_pickle" not in str(error):
                     raise
-                self.unusable[printable(name)] = ("contains objects of Python", "Save its values as numbers.")
+                self.unusable[storable(name)] = ("contains objects of Python", "Save its values as numbers.")
         if not self.waveforms and self.unusable:
             name, (reason, remedy) = next(iter(self.unusable.items()))
             raise ImportDataError(f"{path}: '{name}' {reason}", remedy)
@@ -38,7 +39,7 @@ class NpzColumns(WaveformColumns):
     def _add(self, name: str, array: Any) -> None:
         if array.dtype.names:
             for field in array.dtype.names:
-                self._add(f"{name}.{printable(field)}", array[field])
+                self._add(f"{name}.{storable(field)}", array[field])
         elif array.dtype.kind not in "iufb":
             self.unusable[name] = (f"contains {array.dtype}, not numbers", "Save its values as numbers.")
         elif array.size == 1:

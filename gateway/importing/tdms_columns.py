@@ -7,9 +7,9 @@ from typing import Any, Final
 import numpy as np
 
 from gateway.core.errors import ImportDataError
+from gateway.core.storable_text import storable
 from gateway.core.types import FloatArray
 from gateway.importing.column_names import rate_of
-from gateway.importing.columns import printable
 from gateway.importing.header_conditions import conditions_in
 from gateway.importing.waveform_columns import Waveform, WaveformColumns
 
@@ -74,7 +74,7 @@ class TdmsColumns(WaveformColumns):
         for key, value in properties.items():
             rate_hz = rate_of(key, value)
             if rate_hz is not None:
-                self.rates_hz[f"{name}@{printable(key)}"] = rate_hz
+                self.rates_hz[f"{name}@{storable(key)}"] = rate_hz
 
     def _values(self, name: str, channel: Any, first: int, end: int) -> FloatArray:
         try:

@@ -9,8 +9,8 @@ from typing import Any, Final
 import numpy as np
 
 from gateway.core.errors import ImportDataError
+from gateway.core.storable_text import storable
 from gateway.importing.column_names import are_units, rate_of
-from gateway.importing.columns import printable
 from gateway.importing.csv_columns import column_names
 from gateway.importing.waveform_columns import Waveform, WaveformColumns
 
@@ -36,7 +36,7 @@ class XlsxColumns(WaveformColumns):
             for sheet in openpyxl.load_workbook(file, read_only=True, data_only=True).worksheets:
                 # Programs state the wrong number of rows.
                 sheet.reset_dimensions()
-                self._read_sheet(printable(sheet.title), sheet.iter_rows(values_only=True))
+                self._read_sheet(storable(sheet.title), sheet.iter_rows(values_only=True))
         if not self.waveforms:
             raise ImportDataError(
                 f"{path} has no sheet with rows of numbers",
@@ -62,7 +62,7 @@ class XlsxColumns(WaveformColumns):
         columns = self._columns(sheet, len(names), len(head_rows) + 1, itertools.chain((first, second), rows))
         for k, (name, values) in enumerate(zip(names, columns, strict=True)):
             array = np.array(values)
-            column = f"{sheet}/{printable(name)}"
+            column = f"{sheet}/{storable(name)}"
             if np.isfinite(array).any():
                 self.waveforms[column] = Waveform.of(array, units[k] if k < len(units) else "", sheet, name)
             elif texts and k < len(texts[-1]) and texts[-1][k]:

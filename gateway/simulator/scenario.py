@@ -149,8 +149,8 @@ def vehicle_toml(scenario: Scenario, *, signed: bool = False) -> str:
     wheels = []
     for wheel, plan in zip(scenario.wheels(), wheel_plans(scenario), strict=True):
         tire, sensor, stated = wheel.tire, wheel.sensor, wheel.stated
-        load_n = _stated_or(stated.load_n, wheel.load_n.at(0.0))
-        pressure_kpa = _stated_or(stated.pressure_kpa, wheel.pressure_kpa.at(0.0))
+        load_n = _claimed(stated.load_n, wheel.load_n.at(0.0))
+        pressure_kpa = _claimed(stated.pressure_kpa, wheel.pressure_kpa.at(0.0))
         wheels.append(
             {
                 "position": wheel.position,
@@ -161,7 +161,7 @@ def vehicle_toml(scenario: Scenario, *, signed: bool = False) -> str:
                 "load_std_n": round(_MEASURED_STD * load_n, 3),
                 "tire": {
                     **({"size": tire.size} if tire.size else {}),
-                    "radius_mm": _stated_or(stated.radius_mm, tire.radius_mm),
+                    "radius_mm": _claimed(stated.radius_mm, tire.radius_mm),
                     "pressure_kpa": pressure_kpa,
                     "pressure_std_kpa": round(_MEASURED_STD * pressure_kpa, 3),
                     "temperature_degc": wheel.temperature_degc.at(0.0),
@@ -181,9 +181,9 @@ def vehicle_toml(scenario: Scenario, *, signed: bool = False) -> str:
                     },
                 },
                 "mounting": {
-                    "offset_mm": _stated_or(stated.offset_mm, sensor.offset_mm),
-                    "roll_deg": _stated_or(stated.roll_deg, _meant(sensor.roll_deg)),
-                    "pitch_deg": _stated_or(stated.pitch_deg, _meant(sensor.pitch_deg)),
+                    "offset_mm": _claimed(stated.offset_mm, sensor.offset_mm),
+                    "roll_deg": _claimed(stated.roll_deg, _meant(sensor.roll_deg)),
+                    "pitch_deg": _claimed(stated.pitch_deg, _meant(sensor.pitch_deg)),
                 },
             }
         )
@@ -191,7 +191,7 @@ def vehicle_toml(scenario: Scenario, *, signed: bool = False) -> str:
     return toml_text({"vehicle": {"name": scenario.scenario.name}, "wheel": wheels, **security})
 
 
-def _stated_or(stated: float | None, true: float) -> float:
+def _claimed(stated: float | None, true: float) -> float:
     return true if stated is None else stated
 
 

@@ -14,6 +14,7 @@ from gateway.core.recording.reader import RecordingReader
 from gateway.core.recording.recorded_file import RawDump, open_recorded_file
 from gateway.core.session.recording_pass import RecordingPass, open_recording
 from gateway.core.shown_units import shown_in
+from gateway.core.storable_text import storable
 from gateway.core.text.result_table import ResultTable
 from gateway.core.text.session_summary import (
     ResultSummary,
@@ -23,7 +24,7 @@ from gateway.core.text.session_summary import (
     removed_line,
     summary_lines,
 )
-from gateway.core.text.text import clean, storable
+from gateway.core.text.text import clean
 from gateway.core.text.wording import notice_text
 
 

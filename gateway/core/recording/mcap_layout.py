@@ -22,6 +22,7 @@ from gateway.core.links.source import (
     VehicleData,
 )
 from gateway.core.reasons import Reason
+from gateway.core.storable_text import storable
 
 PROFILE: Final = "treadlink"
 FORMAT_VERSION: Final = "1"
@@ -232,8 +233,7 @@ def encode_json(payload: Mapping[str, Any]) -> bytes:
     JSON has no NaN, and plotting programs treat a missing field as a gap.
     """
     fields = {key: value for key, raw in payload.items() if (value := _json_value(raw)) is not None}
-    text = json.dumps(fields, separators=(",", ":"), allow_nan=False, ensure_ascii=False)
-    return text.encode(errors="backslashreplace")  # half a surrogate pair becomes its JSON escape
+    return storable(json.dumps(fields, separators=(",", ":"), allow_nan=False, ensure_ascii=False)).encode()
 
 
 def _json_value(value: Any) -> Any:

@@ -20,6 +20,7 @@ from gateway.core.bounded_input import read_bounded
 from gateway.core.errors import RecordingError
 from gateway.core.nearest_name import did_you_mean
 from gateway.core.recording.regular_file import open_regular
+from gateway.core.storable_text import storable
 
 MAX_TEXT_CHARS: Final = 2000
 """Largest number of characters of a text of a description."""
@@ -100,8 +101,7 @@ class RunDescription:
 
     def to_json(self) -> str:
         """Return the description as JSON, without what is not stated."""
-        # Bytes of an option that are no UTF-8 become JSON escapes.
-        return json.dumps(self.as_dict(), ensure_ascii=False, sort_keys=True).encode(errors="backslashreplace").decode()
+        return storable(json.dumps(self.as_dict(), ensure_ascii=False, sort_keys=True))
 
     def as_dict(self) -> dict[str, Any]:
         """Return what is stated as plain values in SI units."""
@@ -233,7 +233,7 @@ def copy_notes(recording: Path, copy: Path) -> None:
 
 def _line(note: Note) -> bytes:
     entries = {"utc": note.utc, "comment": note.comment, "tags": list(note.tags)}
-    return json.dumps(entries, ensure_ascii=False).encode(errors="backslashreplace") + b"\n"
+    return storable(json.dumps(entries, ensure_ascii=False)).encode() + b"\n"
 
 
 def _not_written(path: Path, error: OSError) -> RecordingError:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from gateway.core.reasons import Reason
-from gateway.core.text.text import storable
+from gateway.core.storable_text import storable
 from gateway.core.text.wording import as_json
 
 

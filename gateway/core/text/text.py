@@ -113,11 +113,6 @@ def filled(parts: Iterable[str], cells: int, gap: str = " ") -> list[str]:
     return lines
 
 
-def storable(text: str) -> str:
-    """Return text that UTF-8 can encode: a path may hold bytes that it cannot."""
-    return text.encode("utf-8", "backslashreplace").decode()
-
-
 def file_size(size_bytes: int) -> str:
     """Return a size in decimal units with three digits, e.g. `12.3 MB`."""
     if size_bytes < 1000:

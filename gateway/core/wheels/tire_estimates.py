@@ -196,8 +196,7 @@ class TireEstimates:
         # Revolutions with and without known effects subtracted are averaged separately.
         self._series = {False: self._current}
         self._environment: deque[Reading] = deque(maxlen=_ENVIRONMENT_DEPTH)
-        # Hub time of the end of the latest revolution.
-        self._latest_us = -math.inf
+        self._revolution_end_us = -math.inf
         self.outside = OutsideReadings()
         # Conditions made from the latest readings that were used.
         self._conditions_cache: tuple[Reading | None, OutsideReading | None, TireConditions | None] = None, None, None
@@ -214,7 +213,7 @@ class TireEstimates:
     def forget_environment(self) -> None:
         """Forget readings: the hub's time has restarted."""
         self._environment.clear()
-        self._latest_us = -math.inf
+        self._revolution_end_us = -math.inf
 
     def environment(self, tick_us: int, environment: Environment, pressure_error_pa: float) -> None:
         """Add a pressure and temperature reading with its hub time and the error that sensor health gives it."""
@@ -242,7 +241,7 @@ class TireEstimates:
             One result per revolution.
         """
         results: list[RevolutionResult] = []
-        self._latest_us = ends_us[-1]
+        self._revolution_end_us = ends_us[-1]
         revolutions, first = arrays.revolutions, 0
         for end in range(1, len(revolutions) + 1):
             corrected = revolutions[first].uncorrected is None
@@ -379,7 +378,7 @@ class TireEstimates:
         if not self.outside:
             return []
         if tick_us == math.inf:  # now
-            tick_us = max([self._latest_us, *(tick for tick, _, _ in self._environment)])
+            tick_us = max([self._revolution_end_us, *(tick for tick, _, _ in self._environment)])
         is_measured = any(tick <= tick_us and entry.pressure_pa is not None for tick, entry, _ in self._environment)
         is_current = is_measured and old_pressure_s(self._environment, tick_us) is None
         return [] if is_current else self.outside.until(host_ns)

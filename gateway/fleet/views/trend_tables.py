@@ -13,10 +13,11 @@ from gateway.core.quantity import Trend
 from gateway.core.quantity_catalogue import declared
 from gateway.core.reasons import Reason
 from gateway.core.shown_units import conversion, shown_units
+from gateway.core.storable_text import storable
 from gateway.core.text.numbers import MISSING, STATUS_MARKS, Unit, finite_or_none, fixed, round_to_error, split_name
 from gateway.core.text.plain_values import plain, record
 from gateway.core.text.table_sinks import CsvSink
-from gateway.core.text.text import clean, counted, storable
+from gateway.core.text.text import clean, counted
 from gateway.core.text.wording import joined
 from gateway.fleet.trends.trend_result import (
     UNKNOWN_VEHICLE,

@@ -184,8 +184,8 @@ def test_present_pressure_is_that_of_the_latest_revolution() -> None:
     tire = TireEstimates(replace(PRESSURE_SETUP, pressure_pa=230e3), ("kinematic",))
     tire.environment(4_000_000, Environment(250e3, 20.0, None), 0.0)
     tire.outside.add(OutsideReading(3_000_000_000_000, Environment(180e3, 20.0, None), 500.0, 300.0))
-    for latest_us, expected_pa in ((4e6, 250e3), (3001e6, 180e3)):
-        tire._latest_us = latest_us
+    for end_us, expected_pa in ((4e6, 250e3), (3001e6, 180e3)):
+        tire._revolution_end_us = end_us
         assert tire.conditions(math.inf, math.inf).pressure_pa == expected_pa
     assert tire.outside_old_s(1e13) == 7000.0
     tire.environment(3_002_000_000, Environment(240e3, 20.0, None), 0.0)
