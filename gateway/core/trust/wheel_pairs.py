@@ -69,7 +69,7 @@ _VERDICT_CAPACITY: Final = 256
 class _WheelRevolution(NamedTuple):
     """A revolution of one wheel.
 
-    End, middle and half of its period, ns, direction of its slip, speed, turn rate and shift of its belt.
+    End, middle and half of its period, ns, direction of its slip, speed, acceleration, turn rate and shift of its belt.
     """
 
     end_ns: float
@@ -77,6 +77,7 @@ class _WheelRevolution(NamedTuple):
     half_ns: float
     direction: float
     speed_mps: float
+    acceleration_mps2: float
     speed_std: float
     rate_radps: float
     shift_m: float
@@ -177,10 +178,12 @@ class _Pair:
         for candidate in takewhile(lambda candidate: candidate.middle_ns < turn.middle_ns + turn.half_ns, others):
             if abs(candidate.middle_ns - turn.middle_ns) < min(turn.half_ns, candidate.half_ns):
                 left, right = (turn, candidate) if side == 0 else (candidate, turn)
+                # Their middles are up to half a revolution apart, within which a speed that changes would look like a curve.
+                gain_mps = 0.5e-9 * (right.middle_ns - left.middle_ns) * (left.acceleration_mps2 + right.acceleration_mps2)
                 pair = _RevolutionPair(
                     max(turn.end_ns, candidate.end_ns),
                     turn.direction * candidate.direction,
-                    right.speed_mps / left.speed_mps,
+                    (right.speed_mps - gain_mps) / left.speed_mps,
                     left.speed_mps,
                     math.hypot(left.speed_std, right.speed_std),
                     (left.rate_radps, right.rate_radps),
@@ -285,6 +288,7 @@ class WheelPairs:
                 half_ns,
                 0.0 if math.isnan(direction) else direction,
                 conditions.radius_m * revolution.omega_radps if is_evident else math.nan,
+                conditions.radius_m * revolution.omega_dot_radps2,
                 math.hypot(conditions.radius_std_m / conditions.radius_m, conditions.claims.rate_std),
                 *(next((e.value for e in result.estimates if e.name == n), math.nan) for n in (TURN_RATE, _BELT_SHIFT)),
             )

@@ -99,6 +99,37 @@ def test_straights_say_nothing_of_the_sign() -> None:
     assert reasons == {"FL": {NOTE}, "FR": {NOTE}}
 
 
+def braking(position: str, radius_m: float, seed: int) -> list[RevolutionResult]:
+    """Return revolutions of a wheel on a straight from 28 to 9 m/s, whose turn rate strays for some revolutions."""
+    speed_mps, deceleration_mps2, time_s, stray_radps = 28.0, 2.5, 0.0, 0.0
+    rng, taken = np.random.default_rng(seed), []
+    while speed_mps > 9.0:
+        period_s = 2.0 * np.pi * radius_m / speed_mps
+        middle_mps = speed_mps - 0.5 * deceleration_mps2 * period_s
+        speed_mps, time_s = speed_mps - deceleration_mps2 * period_s, time_s + period_s
+        stray_radps = 0.8 * stray_radps + rng.normal(0.0, 0.006)
+        revolution = replace(
+            REVOLUTION,
+            omega_radps=middle_mps / radius_m,
+            omega_dot_radps2=-deceleration_mps2 / radius_m,
+            period_s=period_s,
+        )
+        estimates = (Estimate(TURN_RATE, stray_radps, 0.01, Status.VALID),)
+        conditions = TireConditions(radius_m, radius_std_m=0.003 * radius_m)
+        taken.append(RevolutionResult(position, round(1e9 * time_s), revolution, conditions, estimates))
+    return taken
+
+
+def test_braking_is_no_curve_though_the_wheels_revolve_at_other_times() -> None:
+    verified = []
+    for seed in range(6):
+        pairs = WheelPairs()
+        for _ in pairs.compared([*braking("FL", 0.32, 2 * seed), *braking("FR", 0.3205, 2 * seed + 1)]):
+            pass
+        verified += [position for position in ("FL", "FR") if pairs.axis(position).sign]
+    assert verified == []
+
+
 def test_rates_without_a_difference_of_speeds_say_nothing() -> None:
     rng = np.random.default_rng(3)
     sign = LateralSign()
