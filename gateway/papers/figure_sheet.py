@@ -59,6 +59,9 @@ def draw_figures(
             captions[name] = draw(figure)
             for axes in figure.axes:
                 axes.spines[["top", "right"]].set_visible(False)
+                # A recording's name may contain dollar signs.
+                for text in legend.get_texts() if (legend := axes.get_legend()) is not None else ():
+                    text.set_parse_math(False)
             write(file, figure_bytes(figure, suffix))
             on_figure(name, captions[name])
     write(out / INDEX, _index(figures, captions, suffix, is_measured=is_measured).encode())

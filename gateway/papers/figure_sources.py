@@ -63,7 +63,8 @@ def read_grid(path: Path) -> list[FigureSource]:
     """Return the recordings of a table of conditions: CSV with the column `recording`, by commas or semicolons.
 
     Raises:
-        ConfigError: it cannot be read, has another column, no recording, or a cell that is no positive number.
+        ConfigError: it cannot be read, has another column, no recording, a cell that is no positive number, or a
+            wheel or conditions of a dataset.
     """
     table = read_text(path, "the table of conditions")
     delimiter = ";" if ";" in table.partition("\n")[0] else ","
@@ -91,9 +92,13 @@ def read_grid(path: Path) -> list[FigureSource]:
             for column, (name, factor) in _CONDITIONS.items()
             if cells.get(column)
         }
-        sources.append(
-            FigureSource(path.parent / cells["recording"], cells.get("wheel") or None, GridConditions(**values))
-        )
+        source = FigureSource(path.parent / cells["recording"], cells.get("wheel") or None, GridConditions(**values))
+        if source.path.is_dir() and (source.wheel is not None or values):
+            raise ConfigError(
+                f"{origin}: '{source.path}' is a folder; wheel and conditions can be stated of recordings only",
+                "Name the recordings in the table, or give the dataset with --from.",
+            )
+        sources.append(source)
     if not sources:
         raise ConfigError(f"'{path}' has no recording", "Give a line for each one.")
     return sources
@@ -151,7 +156,8 @@ def _of_recording(source: FigureSource, config_path: Path | None, *, show_progre
         for result in RecordingPass(recording, (*DEFAULT_ESTIMATORS, "side-force"), signals=recording.signals()):
             if source.wheel in (None, result.position):
                 if result.position not in wheels:
-                    wheels[result.position] = MeasuredWheel(f"{source.path.stem} {result.position}", source.stated)
+                    name = clean(f"{source.path.stem} {result.position}")
+                    wheels[result.position] = MeasuredWheel(name, source.stated)
                 wheels[result.position].add(result.revolution, result.conditions, result.estimates)
     if source.wheel is not None and source.wheel not in wheels:
         raise RecordingError(

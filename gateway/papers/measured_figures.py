@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from gateway.compare.order_statistics import BLOCK_REVOLUTIONS, OrderStatistics
+from gateway.compare.order_statistics import OrderStatistics
 from gateway.core.errors import ConfigError
 from gateway.core.nearest_name import did_you_mean
 from gateway.core.revolutions.angle_resampling import GRID_SIZE, angle_grid
@@ -105,7 +105,7 @@ def _fitted(tires: Sequence[MeasuredTire]) -> _Fitted:
                 load_n=tire.load_n,
                 pressure_pa=tire.pressure_pa,
                 radius_m=tire.radius_m,
-                half_angle_rad=tire.half_angle_rad,
+                half_angle_rad=tire.fitted_half_angle_rad or tire.half_angle_rad,
             )
             fitted.append((tire, waveforms, orders))
     if not fitted:
@@ -120,7 +120,7 @@ def _make_fig_7(tires: Sequence[MeasuredTire]) -> Draw:
         if waveforms.orders is not None and np.isfinite(waveforms.orders.integer_share[2])
     ]
     if not spectra:
-        raise _MissingError(f"no recording has {BLOCK_REVOLUTIONS} revolutions that follow each other")
+        raise _MissingError("no recording has four revolutions that follow each other at a steady speed")
     return _titled(_fig_7, spectra)
 
 
@@ -133,19 +133,18 @@ def _fig_7(spectra: Sequence[tuple[MeasuredTire, OrderStatistics]], figure: Figu
         upper.plot(np.arange(len(block)) / GRID_SIZE, block, linewidth=0.8)
         omega = tire.speed_kmh / 3.6 / tire.radius_m
         amplitude = 1e3 * spectrum.fine_mps2[2] / omega**2
-        shares.append(f"{100.0 * spectrum.integer_share[2]:.3f} % of {tire.name} at {tire.speed_kmh:.0f} km/h")
-        lower.plot(
-            spectrum.fine_order[1:], amplitude[1:], linewidth=0.9, label=f"{tire.name}, {tire.speed_kmh:.0f} km/h"
+        label = f"{tire.name}, {tire.speed_kmh:.0f} km/h"
+        lower.plot(spectrum.fine_order[1:], amplitude[1:], linewidth=0.9, label=label)
+        shares.append(
+            f"{100.0 * spectrum.integer_share[2]:.3f} % of {label}, over {spectrum.block_revolutions} revolutions, "
+            f"where white noise alone has {100.0 * spectrum.noise_share:.1f} %"
         )
     upper.set(xlim=(0, 4), xlabel="revolutions", ylabel="radial\n(inward), m/s²")
     lower.set(
         xlim=(0, _SHOWN_ORDERS), xlabel="frequency over that of rotation", ylabel="amplitude / Ω², mm", yscale="log"
     )
     _legend(lower, len(spectra))
-    return (
-        f"Power above order 0 that lies on integer orders, over {BLOCK_REVOLUTIONS} revolutions: {', '.join(shares)}; "
-        f"white noise alone has {100.0 / BLOCK_REVOLUTIONS:.1f} %."
-    )
+    return f"Power above order 0 that lies on integer orders: {'; '.join(shares)}."
 
 
 def _legend(axes: Axes, count: int) -> None:
@@ -229,7 +228,7 @@ def _make_slopes(against: str, constant: str, tires: Sequence[MeasuredTire]) -> 
 def _comparable_wheels(tires: Sequence[MeasuredTire], against: str, constant: str) -> Sequence[MeasuredTire]:
     """Return the wheels of one load, or pressure, that have the most values of the other; all if none is known."""
     abscissa, constant_of = (_ABSCISSAE[name][1] for name in (against, constant))
-    complete = [tire for tire in tires if math.isfinite(abscissa(tire)) and math.isfinite(constant_of(tire))]
+    complete = [tire for tire in tires if 0.0 < abscissa(tire) < math.inf and 0.0 < constant_of(tire) < math.inf]
 
     def neighbours(middle: MeasuredTire) -> list[MeasuredTire]:
         return [tire for tire in complete if abs(constant_of(tire) / constant_of(middle) - 1.0) <= _SAME_CONDITION]
@@ -324,19 +323,19 @@ def _ply_11(lateral: _Lateral, figure: Figure) -> str:
     for (tire, waveforms, lateral_m), panel in zip(lateral, _panels(figure, len(lateral)), strict=True):
         axes = panel.subplots()
         wave = waveforms.average.omega_radps**2 * lateral_waveform(lateral_m, GRID_SIZE)
-        if waveforms.orders is not None:
+        if waveforms.orders is not None and waveforms.orders.block_mps2.size:
             samples = waveforms.orders.block_mps2[1]
             mean_wave = samples[: len(samples) // GRID_SIZE * GRID_SIZE].reshape(-1, GRID_SIZE).mean(axis=0)
             # A block begins in the middle of a contact.
             mean_wave = np.roll(mean_wave - mean_wave.mean(), GRID_SIZE // 2)
-            axes.plot(np.degrees(angle_grid()), mean_wave, color="0.6", label="samples, without mean")
+            axes.plot(np.degrees(angle_grid()), mean_wave, color="0.6", label="samples with the roll, without mean")
         axes.plot(np.degrees(angle_grid()), wave, color="black", label=f"{tire.name}, orders")
         axes.set(xlim=(-60, 60), xlabel="angle from contact centre, °", ylabel="lateral acceleration, m/s²")
         axes.legend(fontsize=7.0)
         sizes.append(f"{wave.max():.0f} and {wave.min():.0f} m/s² of {_condition(tire)}")
     return (
         f"Orders {ORDERS.start} to {ORDERS.stop - 1} without the roll have their extrema at the contact edges: "
-        f"{'; '.join(sizes)}. The samples contain the roll."
+        f"{'; '.join(sizes)}."
     )
 
 

@@ -16,6 +16,7 @@ from gateway.core.quantity_catalogue import quantity_of
 from gateway.core.revolutions.synchronous_average import RunningAverage
 from gateway.core.ring_quantities import RING_NUMBERS
 from gateway.core.types import FloatArray
+from gateway.forces.lateral_deformation import remove_roll
 from gateway.forces.lateral_shape import DEFINITIONS, has_lateral, lateral_record
 from gateway.forces.ply_steer import ROLL_NAME
 from gateway.papers.ring_data import ESTIMATORS
@@ -82,6 +83,7 @@ class MeasuredTire:
         slopes_rad: ply steer angle and its standard error by definition.
         side_force_n: and its standard error; NaN without a calibration.
         waveforms: None of a dataset.
+        fitted_half_angle_rad: stated contact half angle, which Eq. 28 takes; None where it takes the measured one.
     """
 
     name: str
@@ -96,6 +98,7 @@ class MeasuredTire:
     slopes_rad: Mapping[str, tuple[float, float]]
     side_force_n: tuple[float, float] = _UNKNOWN
     waveforms: Waveforms | None = None
+    fitted_half_angle_rad: float | None = None
 
     @property
     def half_angle_rad(self) -> float:
@@ -105,6 +108,8 @@ class MeasuredTire:
     @property
     def pressure_number(self) -> float:
         """Pn = Q / (2 p0 theta_r R^2) (Eq. 33)."""
+        if not (self.pressure_pa > 0.0 and self.half_angle_rad > 0.0):
+            return math.nan
         return pressure_number(self.load_n, self.pressure_pa, self.radius_m, self.half_angle_rad)
 
 
@@ -125,6 +130,7 @@ class MeasuredWheel:
         self._speed = WeightedMean()
         self._means = {quantity: WeightedMean() for quantity in (*SLOPES.values(), SIDE_FORCE)}
         self._lateral: list[FloatArray] = []
+        self._roll_rad = 0.0
 
     def add(self, revolution: Revolution, conditions: TireConditions, estimates: Sequence[Estimate]) -> None:
         """Take a revolution; one with a fault is left out."""
@@ -136,14 +142,14 @@ class MeasuredWheel:
         self._orders.add(revolution.index, revolution.axes_mps2, revolution.omega_radps, revolution.order_max)
         self._last = revolution, average, conditions
         self._speed.add(3.6 * revolution.omega_radps * conditions.radius_m, math.nan)
-        roll_rad = 0.0
         for estimate in estimates:
             if estimate.name in self._means and estimate.status is Status.VALID:
                 self._means[estimate.name].add(estimate.value, estimate.std)
-            if estimate.name == ROLL_NAME and estimate.status is Status.VALID:
-                roll_rad = estimate.value
+            if estimate.name == ROLL_NAME and estimate.status is not Status.INVALID:
+                self._roll_rad = estimate.value
         if has_lateral(revolution):
-            self._lateral.append(lateral_record(revolution, roll_rad).lateral_m)
+            # Lateral and radial axis as they are: only the latest roll is a good one.
+            self._lateral.append(np.stack([lateral_record(revolution, a).lateral_m for a in (0.0, -0.5 * math.pi)]))
 
     def tire(self) -> MeasuredTire | None:
         """Return the wheel, None without a usable revolution."""
@@ -173,8 +179,9 @@ class MeasuredWheel:
             waveforms=Waveforms(
                 average,
                 self._orders.statistics() if self._orders is not None else None,
-                np.mean(self._lateral, axis=0) if self._lateral else None,
+                remove_roll(*np.mean(self._lateral, axis=0), self._roll_rad) if self._lateral else None,
             ),
+            fitted_half_angle_rad=conditions.tire.half_angle_rad,
         )
 
 

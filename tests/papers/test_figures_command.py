@@ -68,6 +68,19 @@ def test_figure_files_are_reproducible(tmp_path: Path) -> None:
     assert first == second
 
 
+@NEEDS_PLOT
+def test_legend_shows_dollar_signs_of_a_name(tmp_path: Path) -> None:
+    def draw(figure: Any) -> str:
+        """Draw a line."""
+        axes = figure.subplots()
+        axes.plot([0.0, 1.0], label="run$_$2 W0")
+        axes.legend()
+        return "A line."
+
+    draw_figures({"line": draw}, tmp_path / "out", suffix="svg", write=Path.write_bytes)
+    assert "<!-- run$_$2 W0 -->" in (tmp_path / "out" / "line.svg").read_text(encoding="utf-8")
+
+
 def test_missing_matplotlib_names_the_extra(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(optional_packages, "find_spec", lambda _name: None)
     with pytest.raises(OutputError) as caught:

@@ -10,12 +10,22 @@ import pytest
 
 import gateway
 from gateway.core.errors import ConfigError, RecordingError
+from gateway.core.estimates.estimator import Estimate, Status
+from gateway.core.estimates.tire_data import TireData
+from gateway.core.revolutions.angle_resampling import angle_grid
 from gateway.core.ring_quantities import RING_NUMBERS
+from gateway.forces.lateral_shape import LATERAL, RADIAL
+from gateway.forces.ply_steer import ROLL_NAME
 from gateway.papers.figure_registry import chosen
 from gateway.papers.figure_sources import FigureSource, measured_tires, read_grid, table_csv
 from gateway.papers.measured_figures import measured_figures
+from gateway.papers.measured_tires import GridConditions, MeasuredWheel
+from gateway.ring.reference_tire import TABLE_3_NUMBERS
+from gateway.ring.ring_series import signal_orders, signal_waveform
 from tests.testkit.campaign_recordings import write_recording
 from tests.testkit.commands import invoked, run
+from tests.testkit.exact_ring import solution
+from tests.testkit.revolution_data import CONDITIONS, OMEGA, exact_wave, make_revolution
 
 pytestmark = pytest.mark.skipif(importlib.util.find_spec("matplotlib") is None, reason="needs matplotlib")
 
@@ -95,6 +105,18 @@ def test_one_condition_has_no_trends(tires):
         measured_figures(tires[:1], ["ply-steer-fig-15"])
 
 
+def test_lateral_waveform_has_no_roll_although_it_is_doubtful():
+    roll_rad, wave = math.radians(2.0), exact_wave(solution())
+    axes = np.zeros((3, len(wave)))
+    axes[LATERAL], axes[RADIAL] = math.sin(roll_rad) * wave, math.cos(roll_rad) * wave
+    wheel = MeasuredWheel("W0", GridConditions())
+    for index, known_rad in enumerate((math.nan, 0.01, roll_rad, math.nan)):
+        status = Status.INVALID if math.isnan(known_rad) else Status.PROVISIONAL
+        revolution = replace(make_revolution(wave), index=index, axes_mps2=axes)
+        wheel.add(revolution, CONDITIONS, [Estimate(ROLL_NAME, known_rad, 0.001, status)])
+    assert wheel.tire().waveforms.lateral_m == pytest.approx(0.0, abs=1e-9)
+
+
 def points_of(tires, name: str) -> list[float]:
     """Return the abscissae that a figure of the ply steer shows."""
     from matplotlib.figure import Figure
@@ -115,6 +137,18 @@ def test_pressure_and_load_of_one_set_are_parted(tires):
         measured_figures([grid[0], grid[4]], ["ply-steer-fig-15"])
 
 
+def test_wheel_without_pressure_is_in_the_table_and_in_no_trend(tires):
+    slopes = dict.fromkeys(tires[0].slopes_rad, (0.003, 0.0001))
+    flat, *others = [
+        replace(tires[0], load_n=load_n, pressure_pa=pressure_pa, slopes_rad=slopes)
+        for load_n, pressure_pa in ((3000.0, 0.0), (3000.0, 2e5), (5000.0, 2e5), (3000.0, 3e5))
+    ]
+    row, *_ = csv.DictReader(table_csv([flat]).decode().splitlines())
+    assert (row["pressure_kpa"], row["pressure_number"]) == ("0.0", "")
+    assert points_of([flat, *others], "ply-steer-fig-14") == pytest.approx([2.0, 3.0])
+    assert points_of([flat, *others], "ply-steer-fig-15") == pytest.approx([3000.0, 5000.0])
+
+
 def test_waveforms_of_all_recordings_are_drawn(tires):
     from matplotlib.figure import Figure
 
@@ -125,6 +159,47 @@ def test_waveforms_of_all_recordings_are_drawn(tires):
         assert all(tire.name in caption for tire in tires), name
         if "11" in name or "12" in name:
             assert len(figure.subfigs) == len(tires)
+
+
+def test_orders_are_fitted_at_the_stated_contact_angle():
+    from matplotlib.figure import Figure
+
+    half_rad = 0.24
+    condition = {"load_n": CONDITIONS.load_n, "pressure_pa": CONDITIONS.pressure_pa, "radius_m": CONDITIONS.radius_m}
+    orders = signal_orders(np.arange(1, 61), TABLE_3_NUMBERS, half_angle_rad=half_rad, **condition)
+    revolution = make_revolution(signal_waveform(angle_grid(), OMEGA, CONDITIONS.radius_m, orders))
+    wheel = MeasuredWheel("W0", GridConditions())
+    wheel.add(revolution, replace(CONDITIONS, tire=TireData(half_angle_rad=half_rad)), [])
+    tire = wheel.tire()
+    assert abs(tire.half_angle_rad - half_rad) > 0.002
+    figures, _ = measured_figures([tire], ["ring-fig-11"])
+    assert "Eq. 28: 0 % of W0" in figures["ring-fig-11"](Figure())
+
+
+def test_figures_of_few_revolutions_say_how_many():
+    from matplotlib.figure import Figure
+
+    revolution = make_revolution(exact_wave(solution()))
+    revolution = replace(revolution, axes_mps2=np.tile(revolution.radial_mps2, (3, 1)))
+    tires = []
+    for count in (3, 5):
+        wheel = MeasuredWheel(f"W{count}", GridConditions())
+        for index in range(count):
+            wheel.add(replace(revolution, index=index), CONDITIONS, [])
+        tires.append(wheel.tire())
+    caption = measured_figures(tires, ["ring-fig-7"])[0]["ring-fig-7"](Figure())
+    assert "over 5 revolutions, where white noise alone has 20.0 %" in caption
+    with pytest.raises(ConfigError, match="no recording has four revolutions"):
+        measured_figures(tires[:1], ["ring-fig-7"])
+    figure = Figure()
+    measured_figures(tires, ["ply-steer-fig-11"])[0]["ply-steer-fig-11"](figure)
+    assert [len(axes.lines) for axes in figure.axes] == [1, 2]
+
+
+def test_name_of_a_recording_is_printable(tmp_path):
+    path = write_recording(tmp_path / "caf\udce9.mcap", "[motion]\nspeed_kmh = 65.0", duration_s=0.4)
+    (tire,) = measured_tires([FigureSource(path)], None, lambda _: None)
+    assert tire.name == "caf· W0"
 
 
 def test_slope_ahead_is_a_trend_and_no_line_in_the_contact(tires):
@@ -197,6 +272,17 @@ def test_faults_of_a_table_are_named(tmp_path, text, message):
     path.write_text(text)
     with pytest.raises(ConfigError, match=message):
         read_grid(path)
+
+
+@pytest.mark.parametrize("cells", ["recording,load_n\na.dataset,3000\n", "recording,wheel\na.dataset,FL\n"])
+def test_table_states_nothing_of_a_dataset(tmp_path, cells):
+    (tmp_path / "a.dataset").mkdir()
+    path = tmp_path / "grid.csv"
+    path.write_text(cells)
+    with pytest.raises(ConfigError, match="line 2: .*a.dataset' is a folder"):
+        read_grid(path)
+    path.write_text("recording\na.dataset\n")
+    assert [source.path.name for source in read_grid(path)] == ["a.dataset"]
 
 
 def test_semicolons_separate_cells_too(tmp_path):
