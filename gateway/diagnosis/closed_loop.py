@@ -19,6 +19,7 @@ from gateway.diagnosis.angle.discrepancy import Discrepancy
 from gateway.diagnosis.angle.fit import Fit, FitFailedError
 from gateway.diagnosis.angle.likelihood import Whitened, whiten
 from gateway.diagnosis.angle.number_estimates import (
+    belt_widths,
     belt_widths_apart,
     estimates_of,
     open_effects,
@@ -274,7 +275,7 @@ class _Numbers(NamedTuple):
         determined: whether the data determine each of `after`.
         determined_before: likewise of `before`.
         considered: fits of the sets, with their weights.
-        widths_apart: lowest and highest Cw where those of the states contradict each other.
+        widths_apart: the two Cw of states farthest apart that contradict each other.
         unlike: pairs of groups whose contacts differ.
         differing: recordings of one state whose numbers contradict each other.
         strange: groups whose signal is not that of a ring, with the share of it that is left.
@@ -324,11 +325,12 @@ def _numbers(search: SetSearch, posterior: Posterior, exact: OnExactRing | None)
         contradicted | _states_of(campaign, non_ring_before),
         math.sqrt(residual_ratio(posterior.baseline.fit, data, PLANE)),
     )
+    widths = belt_widths(campaign, after)
     # The series take the load for a part of Cw.
-    widths_apart = belt_widths_apart(after) if core.model is BaselineModel.EXACT else None
+    widths_apart = belt_widths_apart(widths.values()) if core.model is BaselineModel.EXACT else None
     outvoted = {**unlike_signals(campaign), **unlike_contacts_of(campaign)}
     if widths_apart is not None:
-        unlike_others = unlike_loads(campaign, after)
+        unlike_others = unlike_loads(campaign, widths)
         before, after = widened(before, *widths_apart), widened(after, *widths_apart)
         surviving = still_determined(after, determined)
         # Where numbers survive the contradiction, more recordings are worth more than its small share.

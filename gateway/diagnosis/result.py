@@ -30,10 +30,14 @@ class Verdict(StrEnum):
 
 
 class TireState(NamedTuple):
-    """A load and inflation pressure, each with its own parameters of the ring."""
+    """A load and inflation pressure, each with its own parameters of the ring.
+
+    Where they are those of earlier states as well, as assumed ones are, `number` is that of the contact, from 2.
+    """
 
     load_n: float
     pressure_pa: float
+    number: int = 0
 
 
 class ScalingStatus(StrEnum):

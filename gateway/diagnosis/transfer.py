@@ -71,7 +71,7 @@ def transfer(
 ) -> Transfer:
     """Return the error on a campaign without effects, and with effects whose parameters are kept.
 
-    The tire's own parameters and the contact's centre are fitted again in both cases.
+    The tire's own parameters, the contact's centre and a measured depth are fitted again in both cases.
 
     Args:
         campaign: the data of one wheel.
@@ -112,6 +112,7 @@ def transfer(
     )
     revolutions = sum(block.count for group in campaign.groups for block in group.blocks)
     fits = errors.fit_of[baseline.names], errors.fit_of[transferred.names]
+    depth = ("sensor depth",) if any(group.conditions.offset_measured for group in campaign.groups) else ()
     (before, determined_before), (after, determined) = (
         estimates_of([(evaluated.fit, 1.0)], left_ratio=math.sqrt(residual_ratio(evaluated.fit, data, PLANE)))
         for evaluated in (baseline, transferred)
@@ -148,7 +149,7 @@ def transfer(
         recordings=campaign.recordings,
         revolutions=revolutions,
         effects={corrected.name: {p.name: p.value for p in corrected.parameters} for corrected in table.effects},
-        refitted=(*core.names, "contact centre"),
+        refitted=(*core.names, "contact centre", *depth),
         held_out=errors.summary,
         noise_floor_mps2=errors.noise_mps2,
         notes=notes,
@@ -188,7 +189,8 @@ def _signal_of(campaign: Campaign) -> CorrectedSignal:
         vehicle=campaign.vehicle,
         tire=campaign.tire,
         radii_m=tuple({group.conditions.radius_m for group in campaign.groups}),
-        offsets_m=tuple({group.declared_offset_m for group in campaign.groups}),
+        # A depth that the samples measured is free in the fit.
+        offsets_m=tuple({group.declared_offset_m for group in campaign.groups if not group.conditions.offset_measured}),
     )
 
 

@@ -347,12 +347,17 @@ def test_what_differs_is_noted() -> None:
     effects = {"roll tilt": {"roll_rad": ROLL_RAD}}
     same = table_of(effects, sensor_id=0xB001, vehicle="rig", tire="205/55 R16")
     assert transfer(stated, same).notes == campaign.notes
-    # What one of both does not state is no difference.
-    assert transfer(campaign, same).notes == campaign.notes
+    # What one of both does not state, or the fit finds, is no difference.
+    conditions = [replace(item, offset_measured=True) for item in ONE_SPEED]
+    measured = campaign_of(conditions, turned(LATERAL, ROLL_RAD), axes=ALL_AXES, seed=9)
+    alike = transfer(measured, replace(same, sensor_offset_m=2e-3))
+    assert alike.notes == campaign.notes
+    assert "sensor depth" in alike.refitted
     other = table_of(
         effects, sensor_id=0xB002, vehicle="car", tire="195/65 R15", radius_m=1.01 * RADIUS_M, sensor_offset_m=2e-3
     )
     noted = transfer(stated, other)
+    assert "sensor depth" not in noted.refitted
     assert [note.code for note in noted.notes[:5]] == [
         CoreCode.EFFECTS_OF_OTHER_SENSOR,
         RevolutionCode.EFFECTS_OF_OTHER,

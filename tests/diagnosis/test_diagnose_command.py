@@ -194,6 +194,8 @@ def test_invalid_arguments_are_reported_before_the_work(closed, recording, tmp_p
     assert "exact" in refused(recording, "--model", "paper", "--save-effects", tmp_path / "e.json")[0]
     assert "given twice" in refused(recording, recording)[0]
     assert "no folder" in refused(recording, "--html", tmp_path / "none" / "a.html")[0]
+    for output in ("--json", "--html"):
+        assert "is an input" in refused(recording, "--effects", there, output, there, "--force")[0]
     assert asked == []
     assert there.read_text() == "precious"
     assert run(recording, "--json", there, "--force").exit_code == 0

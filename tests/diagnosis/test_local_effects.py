@@ -6,6 +6,7 @@ Plants are boxes where the catalogue has normal windows.
 import math
 from dataclasses import replace
 from functools import lru_cache, partial
+from itertools import count
 
 import numpy as np
 import pytest
@@ -17,12 +18,15 @@ from gateway.core.types import ComplexArray, FloatArray
 from gateway.diagnosis.angle.residual import residual_ratio
 from gateway.diagnosis.bayes.parameter_estimates import fitted_parameter
 from gateway.diagnosis.closed_loop import diagnose
+from gateway.diagnosis.effects import local_effects
+from gateway.diagnosis.effects.angle_orders import ORDERS
 from gateway.diagnosis.effects.axis_errors import CrossAxis
 from gateway.diagnosis.effects.effect import CIRCUMFERENTIAL, RADIAL, BaselineModel, GroupConditions, ModelledBlock
-from gateway.diagnosis.effects.local_effects import LOCAL_CHANGES, LOCAL_TREAD_STIFFNESS, _window
+from gateway.diagnosis.effects.local_effects import LOCAL_CHANGES, LOCAL_TREAD_STIFFNESS, Answer, _window
 from gateway.diagnosis.effects.ring_options import RingOptions
 from gateway.diagnosis.known_effects import known_effects
 from gateway.diagnosis.model.baseline_registry import make_core
+from gateway.diagnosis.model.closure_model import ClosureModel
 from gateway.diagnosis.model.sensor_signal import base_signal
 from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.report.findings import findings_of
@@ -30,7 +34,7 @@ from gateway.diagnosis.report.other_conditions import _beside_residual, judged_e
 from gateway.diagnosis.result import Fitted, UnseenError, Verdict
 from gateway.diagnosis.search.profile_scan import ProfileScan, fitted_with
 from gateway.diagnosis.transfer import transfer
-from gateway.ring.rolling_ring import PATTERNS, Change, loaded_belt, local_response
+from gateway.ring.rolling_ring import PATTERNS, Change, LoadedBelt, loaded_belt, local_response
 from tests.diagnosis.planted_campaign import (
     PRESSURE_PA,
     RADIUS_M,
@@ -102,6 +106,49 @@ def test_block_of_other_rubber_is_pressed_as_a_beam_on_it_is(share: float) -> No
     factor = LOCAL_TREAD_STIFFNESS.amplitude(current, size, width_rad / math.sqrt(3.0))[0] / size
     assert factor == pytest.approx(float(first @ finite / (first @ first)), rel=0.05)
     assert abs(factor - 1.0) > 0.02
+
+
+@pytest.mark.parametrize("speed_kmh", [60.0, 62.0])
+def test_faster_block_reads_the_answer_at_its_speed(speed_kmh: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """At 60 km/h an edge of the steps in which answers change is 0.04 % of the speed away."""
+
+    def tenth_power(belt: LoadedBelt, omega_radps: float, *others: object) -> dict[Change, tuple[Answer, ...]]:
+        ahead = np.full((PATTERNS, 2 * ORDERS), (omega_radps / 50.0) ** 10, dtype=np.complex128)
+        return {LOCAL_CHANGES[0].shape.change: (Answer(ahead, np.zeros_like(ahead)),)}
+
+    monkeypatch.setattr(local_effects, "_answers", tenth_power)
+    slow = conditions(speed_kmh)
+    campaign = campaign_of((slow,))
+    block_there, *_ = campaign.groups[0].blocks
+    fast = replace(block_there, conditions=replace(slow, omega_radps=1.01 * slow.omega_radps))
+    campaign = replace(campaign, groups=(replace(campaign.groups[0], blocks=(block_there, fast)),))
+    read = []
+    for effects in (LOCAL_CHANGES[:0], LOCAL_CHANGES[:1]):
+        model = ClosureModel(campaign, make_core(BaselineModel.EXACT), effects)
+        vector, _ = model.priors()
+        for effect in effects:
+            vector[model.layout.effect(effect.name)] = effect.start_values[0]
+        read.append(model.predict_group(vector, 0)[:, RADIAL, 3])
+    base, faster = read[1] - read[0]
+    assert faster / base == pytest.approx(1.01**12, rel=1e-3)
+
+
+def test_each_group_holds_an_answer_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two of one load, pressure and speed may be of another contact, radius or depth of the sensor."""
+    counted = count(1)
+
+    def next_number(*others: object) -> dict[Change, tuple[Answer, ...]]:
+        ahead = np.full((PATTERNS, 2 * ORDERS), next(counted), dtype=np.complex128)
+        return {LOCAL_CHANGES[0].shape.change: (Answer(ahead, np.zeros_like(ahead)),)}
+
+    monkeypatch.setattr(local_effects, "_answers", next_number)
+    effect, first = LOCAL_CHANGES[0].held(), block()
+    assert first.belt is not None
+    moved = replace(first, belt=replace(first.belt, height_m=1.001 * first.belt.height_m))
+    other = replace(moved, conditions=replace(first.conditions, time_s=60.0))
+    read = [effect.contribution(item, np.array(effect.start_values[0])) for item in (first, moved, other)]
+    assert np.array_equal(read[1], read[0])
+    assert read[2] == pytest.approx(2.0 * read[0])
 
 
 def test_place_is_known_to_a_twentieth_of_the_usual_window_at_best() -> None:

@@ -22,7 +22,7 @@ from gateway.diagnosis.spectrum.nonsynchronous_density import Site
 from gateway.diagnosis.spectrum.nonsynchronous_diagnosis import UNKNOWN, TimeLocked, beside_larger, diagnose_time_locked
 from gateway.diagnosis.spectrum.nonsynchronous_spectra import group_spectra
 from gateway.diagnosis.spectrum.spectrum_sets import envelope_moment
-from gateway.diagnosis.spectrum.unexplained_spectrum import Part, parts_left
+from gateway.diagnosis.spectrum.unexplained_spectrum import Part, parts_left, unexplained
 from gateway.diagnosis.views.phrases import reason_text, residual_remarks
 from tests.diagnosis.nonsynchronous_data import simulated_groups
 from tests.testkit.agreement import values_of
@@ -336,6 +336,19 @@ def lateral_parts(power: np.ndarray) -> list[Part]:
     )
     density = np.ones((3, 1000))
     return parts_left(Site.of(0, spectra), density, density, np.ones(3))
+
+
+@pytest.mark.parametrize(("speeds_kmh", "speeds"), [((90.0, 91.0), None), ((90.0, 91.0, 130.0), (2, 2))])
+def test_nearly_equal_speeds_do_not_tell_what_a_line_goes_with(speeds_kmh, speeds):
+    """Between 90 and 91 km/h multiples of a twentieth of their logarithm are apart."""
+    spectra = group_spectra(noisy_group(80.0, np.random.default_rng(1)), 5)
+    assert spectra is not None
+    sites = [
+        Site.of(index, dataclasses.replace(spectra, conditions=conditions(kmh))) for index, kmh in enumerate(speeds_kmh)
+    ]
+    lines = [Part(index, 1, 40.2, 44.2, 42.2, 0.5, 0.02) for index in range(len(sites))]
+    (entry,) = unexplained(sites, lines)
+    assert entry.speeds == speeds
 
 
 def test_wide_band_keeps_its_width() -> None:

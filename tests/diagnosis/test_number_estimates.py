@@ -9,6 +9,7 @@ from gateway.core.types import ComplexArray, FloatArray
 from gateway.diagnosis.angle.fit import Fit, fit_model
 from gateway.diagnosis.angle.likelihood import whiten
 from gateway.diagnosis.angle.number_estimates import (
+    belt_widths,
     belt_widths_apart,
     estimates_of,
     open_effects,
@@ -28,7 +29,8 @@ from gateway.diagnosis.model.exact_baseline import ExactCore
 from gateway.diagnosis.model.sensor_signal import base_signal
 from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.report.findings import apart_from, confirmed
-from gateway.diagnosis.result import Finding, Fitted, Verdict
+from gateway.diagnosis.result import Finding, Fitted, TireState, Verdict
+from gateway.diagnosis.views.quantities import show_fitted
 from gateway.ring.rolling_ring import RingParameters, solve_rolling_ring
 from tests.diagnosis.planted_campaign import (
     LOAD_N,
@@ -45,6 +47,7 @@ from tests.diagnosis.planted_campaign import (
     nothing,
     ring,
     searched,
+    started,
     turned,
 )
 
@@ -272,6 +275,21 @@ def test_effects_of_a_series_carry_the_error_of_its_equations() -> None:
     assert unknown == stated[1]
 
 
+def test_states_of_one_assumed_load_have_estimates_of_their_own() -> None:
+    campaign = campaign_of(ONE_SPEED)
+    (group,) = campaign.groups
+    contacts = tuple(replace(group, state=state, load_known=False) for state in range(3))
+    fit, _ = started(replace(campaign, groups=contacts, states=3))
+    fit.vector[fit.model.layout.state(2)] += 0.1
+    estimates, determined = estimates_of([(fit, 1.0)])
+    keys = [name for name, estimate in estimates.items() if estimate.quantity == "Cw"]
+    assert keys == ["Cw", "Cw (4500 N, 220 kPa, contact 2)", "Cw (4500 N, 220 kPa, contact 3)"]
+    assert estimates[keys[2]].value == pytest.approx(np.exp(0.1) * estimates[keys[1]].value)
+    assert determined.keys() == estimates.keys()
+    labels = [show_fitted(name, estimates[name]).label for name in keys]
+    assert [label.rpartition(", ")[2] for label in labels[1:]] == ["contact 2)", "contact 3)"]
+
+
 def test_number_worse_than_a_third_is_not_determined() -> None:
     fit, _ = fitted(campaign_of(ONE_SPEED))
     _, determined = estimates_of([(fit, 1.0)])
@@ -294,24 +312,32 @@ def test_what_is_left_of_the_plane_bears_on_what_is_determined() -> None:
     assert not estimates_of(sets, left_ratio=2.1)[1]["Cw"]
 
 
+def two_loads() -> Campaign:
+    return campaign_of((conditions(60.0), conditions(60.0, load_n=5500.0)))
+
+
 def of_states(second_cw: float) -> dict[str, Fitted]:
     """Two states: the load of the second may be stated wrongly."""
     return {
         "Cw": Fitted(0.195, 0.0003, quantity="Cw"),
         "Bs": Fitted(3.08e-3, 1e-6, quantity="Bs"),
         "Rs/Cw": Fitted(15.2, 0.1, quantity="Rs/Cw"),
-        "Cw (5400 N, 210 kPa)": Fitted(second_cw, 0.0003, quantity="Cw"),
+        "Cw (5500 N, 220 kPa)": Fitted(second_cw, 0.0003, quantity="Cw", state=TireState(5500.0, PRESSURE_PA)),
     }
 
 
+def apart_in(campaign: Campaign, estimates: dict[str, Fitted]) -> tuple[Fitted, Fitted] | None:
+    return belt_widths_apart(belt_widths(campaign, estimates).values())
+
+
 def test_states_whose_cw_agree_keep_their_errors() -> None:
-    assert belt_widths_apart(of_states(0.1962)) is None
-    assert belt_widths_apart({"Cw": Fitted(0.195, 0.0003, quantity="Cw")}) is None
+    assert apart_in(two_loads(), of_states(0.1962)) is None
+    assert apart_in(campaign_of(ONE_SPEED), {"Cw": Fitted(0.195, 0.0003, quantity="Cw")}) is None
 
 
 def test_a_load_stated_wrongly_is_in_the_errors() -> None:
     estimates = of_states(0.1755)
-    apart = belt_widths_apart(estimates)
+    apart = apart_in(two_loads(), estimates)
     assert apart is not None
     assert (apart[0].value, apart[1].value) == (0.1755, 0.195)
     result = widened(estimates, *apart)
@@ -320,9 +346,22 @@ def test_a_load_stated_wrongly_is_in_the_errors() -> None:
     assert result["Rs/Cw"] == estimates["Rs/Cw"]
     assert still_determined(result, {"Bs": True, "Cw": False}) == {"Bs": True, "Cw": False}
     estimates = of_states(0.13)
-    far = belt_widths_apart(estimates)
+    far = apart_in(two_loads(), estimates)
     assert far is not None
     assert still_determined(widened(estimates, *far), {"Bs": True}) == {"Bs": False}
+
+
+@pytest.mark.parametrize(("value", "std"), [(0.2, 0.012), (0.17, 0.02)])
+def test_an_uncertain_state_hides_no_contradiction(value: float, std: float) -> None:
+    high, low = (Fitted(width, 0.0003, quantity="Cw") for width in (0.195, 0.1755))
+    assert belt_widths_apart([high, Fitted(value, std, quantity="Cw"), low]) == (low, high)
+
+
+def test_an_assumed_load_or_pressure_contradicts_no_stated_one() -> None:
+    campaign = two_loads()
+    light, heavy = campaign.groups
+    for assumed in (replace(heavy, load_known=False), replace(heavy, pressure_known=False)):
+        assert apart_in(replace(campaign, groups=(light, assumed)), of_states(0.13)) is None
 
 
 def test_nothing_of_a_contradicted_state_is_determined() -> None:

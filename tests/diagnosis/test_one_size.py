@@ -2,6 +2,8 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,9 +12,12 @@ from gateway.core.types import FloatArray
 from gateway.diagnosis.angle.fit import Fit
 from gateway.diagnosis.angle.likelihood import Whitened
 from gateway.diagnosis.angle.remainder_freedom import beside_remainder
+from gateway.diagnosis.angle.residual import GroupResidual
 from gateway.diagnosis.data.campaign_data import Campaign
+from gateway.diagnosis.effects.angle_orders import ORDERS
 from gateway.diagnosis.effects.effect import CIRCUMFERENTIAL, RADIAL, GroupConditions
 from gateway.diagnosis.reasons import DiagnosisCode
+from gateway.diagnosis.report import one_size
 from gateway.diagnosis.report.findings import of_common_size
 from gateway.diagnosis.report.one_size import change_within, disagreement, fitted_alone, of_one_size
 from gateway.diagnosis.result import Finding, Verdict
@@ -164,3 +169,14 @@ def test_effect_that_is_there_only_between_recordings_is_not_identified(plant: P
     if result.reason is not None and verdict is Verdict.REFUSED:
         assert result.reason.code is DiagnosisCode.SIZES_DIFFER
         assert dict(result.reason.values)["freedom"] == 1
+
+
+def test_effect_without_which_the_ring_has_no_shape_is_not_buried(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its size is not known."""
+    fit: Any = SimpleNamespace(model=SimpleNamespace(campaign=SimpleNamespace(groups=[SimpleNamespace(recording=0)])))
+    residual = GroupResidual(np.full((3, ORDERS), 10.0 + 0.0j), np.ones((3, ORDERS)))
+    monkeypatch.setattr(one_size, "group_residuals", lambda *_: (residual,))
+    for size_mps2, is_buried in ((1.0, True), (100.0, False), (math.nan, False)):
+        added = [np.full((3, ORDERS), complex(size_mps2))]
+        monkeypatch.setattr(one_size, "added_by", lambda *_, added=added: added)
+        assert (one_size._buried(fit, fit, fit) is not None) == is_buried

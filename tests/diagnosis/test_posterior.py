@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from functools import cache
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any, NoReturn, cast
 
 import numpy as np
 import pytest
@@ -12,14 +12,16 @@ import pytest
 from gateway.core.reasons import Reason
 from gateway.core.types import FloatArray
 from gateway.diagnosis import criteria
+from gateway.diagnosis.angle.likelihood import Whitened
 from gateway.diagnosis.angle.number_estimates import estimates_of
 from gateway.diagnosis.angle.set_evidence import Evaluated, evaluate, evaluated_at, log_evidence, settled
 from gateway.diagnosis.bayes.parameter_estimates import outside_range
 from gateway.diagnosis.bayes.posterior import over
 from gateway.diagnosis.effects.catalogue import candidates
 from gateway.diagnosis.effects.effect import CIRCUMFERENTIAL, LATERAL, RADIAL, BaselineModel, GroupConditions, Parameter
+from gateway.diagnosis.model.baseline import NoShapeError
 from gateway.diagnosis.model.baseline_registry import angle_effects
-from gateway.diagnosis.model.closure_model import AngleEffect
+from gateway.diagnosis.model.closure_model import AngleEffect, ClosureModel
 from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.report.findings import beside_more, findings_of
 from gateway.diagnosis.result import Finding, Verdict
@@ -195,22 +197,39 @@ def at_temperatures(search: SetSearch, plane: float, lateral: float) -> Posterio
     return over({names: item.tempered(plane, lateral) for names, item in search.evaluations.items()})
 
 
-@pytest.mark.parametrize(("size_mps2", "named"), [(3.0, False), (6.0, True)])
-def test_effect_smaller_than_what_is_left_is_not_identified(size_mps2: float, named: bool) -> None:
-    """Beside 4.2 m/s^2 of another kind, 3 m/s^2 may be the error of any equation."""
+@cache
+def beside_strange(size_mps2: float) -> tuple[Evaluated, Whitened]:
+    """Return the set of a lateral offset of this size beside a wave of another kind."""
 
     def strange(signal: FloatArray, theta: FloatArray, conditions: GroupConditions) -> FloatArray:
         read = sideways(size_mps2)(signal, theta, conditions)
         read[LATERAL] += 6.0 * np.cos(17.0 * theta)
         return read
 
-    evaluation, data = evaluated(campaign_of(ONE_SPEED, strange, axes=ALL_AXES), Sideways("small"))
+    return evaluated(campaign_of(ONE_SPEED, strange, axes=ALL_AXES), Sideways("small"))
+
+
+@pytest.mark.parametrize(("size_mps2", "named"), [(3.0, False), (6.0, True)])
+def test_effect_smaller_than_what_is_left_is_not_identified(size_mps2: float, named: bool) -> None:
+    """Beside 4.2 m/s^2 of another kind, 3 m/s^2 may be the error of any equation."""
+    evaluation, data = beside_strange(size_mps2)
     (result,) = beside_more([Finding("small", Verdict.NAMED, {}, 100.0, size_mps2)], evaluation.fit, data)
     assert (result.verdict is Verdict.NAMED) == named
     if result.reason is not None:
         assert result.reason.code is DiagnosisCode.SMALLER_THAN_LEFT
         assert result.reason["left_mps2"] == pytest.approx(6.0 / math.sqrt(2.0), rel=0.02)
         assert result.reason["size_mps2"] == pytest.approx(size_mps2, rel=0.1)
+
+
+def test_effect_without_which_the_ring_has_no_shape_is_not_too_small(monkeypatch: pytest.MonkeyPatch) -> None:
+    evaluation, data = beside_strange(3.0)
+
+    def unsolved(model: ClosureModel, vector: FloatArray, index: int) -> NoReturn:
+        raise NoShapeError
+
+    monkeypatch.setattr(ClosureModel, "predict_mean", unsolved)
+    named = Finding("small", Verdict.NAMED, {}, 100.0, math.nan)
+    assert beside_more([named], evaluation.fit, data) == [named]
 
 
 def test_small_effect_at_the_noise_may_be_identified() -> None:

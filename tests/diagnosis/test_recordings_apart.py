@@ -16,12 +16,11 @@ from gateway.diagnosis.data.campaign_data import Campaign
 from gateway.diagnosis.effects.effect import CIRCUMFERENTIAL, LATERAL, RADIAL, BaselineModel, GroupConditions
 from gateway.diagnosis.model.baseline_registry import make_core
 from gateway.diagnosis.reasons import DiagnosisCode
-from gateway.diagnosis.result import Fitted, TireState
+from gateway.diagnosis.result import Fitted
 from gateway.diagnosis.views.phrases import why_undetermined
 from tests.diagnosis.planted_campaign import (
     ALL_AXES,
     LOAD_N,
-    PRESSURE_PA,
     TWO_SPEEDS,
     Plant,
     campaign_of,
@@ -152,30 +151,28 @@ def test_another_contact_is_found_by_the_majority():
     assert unlike_contacts_of(replace(campaign, groups=tuple(groups[1:3]))) == {}
 
 
+def width(value: float) -> Fitted:
+    return Fitted(value, 0.002, quantity="Cw")
+
+
 def test_another_load_is_found_by_the_majority():
     loads = (LOAD_N, LOAD_N, 5500.0, LOAD_N)
-    current = tuple(conditions(60.0 + number, load_n=load) for number, load in enumerate(loads))
-    campaign = campaign_of(current)
-    heavy = TireState(5500.0, PRESSURE_PA)
-
-    def widths(value: float) -> dict[str, Fitted]:
-        return {
-            "Cw": Fitted(0.2, 0.002, quantity="Cw"),
-            "Cw (5500 N, 220 kPa)": Fitted(value, 0.002, quantity="Cw", state=heavy),
-        }
-
-    unlike = unlike_loads(campaign, widths(0.25))
+    campaign = campaign_of(tuple(conditions(60.0 + number, load_n=load) for number, load in enumerate(loads)))
+    unlike = unlike_loads(campaign, {0: width(0.2), 1: width(0.25)})
     assert list(unlike) == [2]
     assert (unlike[2]["value"], unlike[2]["other"], unlike[2]["count"]) == (0.25, 0.2, 3)
-    assert unlike_loads(campaign, widths(0.203)) == {}
+    assert unlike_loads(campaign, {0: width(0.2), 1: width(0.203)}) == {}
+
+
+def test_recordings_whose_load_is_assumed_have_no_vote():
+    loads = (3500.0, 3500.0, LOAD_N, 5500.0, 5500.0)
+    campaign = campaign_of(tuple(conditions(60.0 + number, load_n=load) for number, load in enumerate(loads)))
+    assert list(unlike_loads(campaign, {0: width(0.2), 1: width(0.25)})) == [2]
 
 
 def test_no_recording_is_outvoted_by_others_that_contradict_each_other():
-    states = [TireState(load_n, PRESSURE_PA) for load_n in (3500.0, 4500.0, 5500.0)]
-    campaign = campaign_of(tuple(conditions(60.0, load_n=state.load_n) for state in states))
-    values = zip(states, (0.16, 0.2, 0.25), strict=True)
-    widths = {str(state): Fitted(value, 0.002, quantity="Cw", state=state) for state, value in values}
-    assert unlike_loads(campaign, widths) == {}
+    campaign = campaign_of(tuple(conditions(60.0, load_n=load_n) for load_n in (3500.0, 4500.0, 5500.0)))
+    assert unlike_loads(campaign, dict(enumerate(map(width, (0.16, 0.2, 0.25))))) == {}
 
 
 THREE = (conditions(60.0), conditions(40.0), conditions(60.0, load_n=5500.0))

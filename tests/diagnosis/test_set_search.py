@@ -4,6 +4,7 @@ import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -17,7 +18,7 @@ from gateway.diagnosis.angle.set_evidence import Evaluated, settled
 from gateway.diagnosis.bayes.posterior import ByPart
 from gateway.diagnosis.closed_loop import other_optimum_notes
 from gateway.diagnosis.effects.catalogue import catalogue
-from gateway.diagnosis.effects.effect import LATERAL, GroupConditions
+from gateway.diagnosis.effects.effect import LATERAL, BaselineModel, GroupConditions
 from gateway.diagnosis.model.baseline import Shape
 from gateway.diagnosis.model.baseline_registry import angle_effects
 from gateway.diagnosis.model.closure_model import AngleEffect, ClosureModel
@@ -428,3 +429,18 @@ def test_search_says_what_could_take_the_place_of_an_effect_and_was_not_tried() 
     search.evaluations = {of: each for of, each in search.evaluations.items() if of <= {"roll tilt"}}
     assert set(search.untried) == {*names} - {"roll tilt"}
     assert set(search.untried_rivals("roll tilt")) == {*names} - {"roll tilt"}
+
+
+def test_an_effect_may_be_one_too_many_where_the_set_without_it_was_not_tried() -> None:
+    """The time of the search ended after a chain."""
+    unknown: Any = None
+    core: Any = SimpleNamespace(model=BaselineModel.EXACT)
+    effects = {name: Sideways(name) for name in "abc"}
+    search = SetSearch(unknown, core, unknown, effects, unknown)
+    search.promises = {frozenset(): dict.fromkeys("abc", 0.0)}
+    for names, log_evidence in (("", 0.0), ("a", 50.0), ("ab", 90.0), ("abc", 120.0)):
+        search.evaluations[frozenset(names)] = Evaluated(frozenset(names), unknown, log_evidence)
+    assert [search.untried_rivals(name) for name in "abc"] == [("b", "c"), ("a", "c"), ()]
+    search.evaluations[frozenset("bc")] = search.evaluations[frozenset()]
+    search.rejected.add(frozenset("ac"))
+    assert [search.untried_rivals(name) for name in "abc"] == [(), (), ()]

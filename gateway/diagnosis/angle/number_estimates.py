@@ -1,8 +1,9 @@
 """Dimensionless numbers of the tire from a fit, with errors that include the residual."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Final
 
 import numpy as np
@@ -100,14 +101,10 @@ def estimates_of(
     determined: dict[str, bool] = {}
     campaign = sets[0][0].model.campaign
     groups = campaign.groups
-    reference = _reference_state(campaign)
     doubt_factor = math.sqrt(left_ratio) if left_ratio >= criteria.TEMPERED else 1.0
-    states = sorted({group.state for group in groups}, key=lambda state: (state != reference, state))
-    for state in states:
+    for state, tire_state in _tire_states(campaign).items():
         index = _first_group(campaign, state)
-        conditions = groups[index].conditions
-        tire_state = None if state == reference else TireState(conditions.load_n, conditions.pressure_pa)
-        suffix = "" if tire_state is None else f" ({state_name(conditions)})"
+        suffix = "" if tire_state is None else f" ({_state_name(tire_state)})"
         conditions_known = groups[index].load_known and groups[index].pressure_known
         values, errors = _mixture(sets, index)
         for name, value in values.items():
@@ -122,19 +119,22 @@ def estimates_of(
     return estimates, determined
 
 
-def belt_widths_apart(estimates: Mapping[str, Fitted]) -> tuple[Fitted, Fitted] | None:
-    """Return the lowest and the highest Cw of all states where they contradict each other, None otherwise.
+def belt_widths(campaign: Campaign, estimates: Mapping[str, Fitted]) -> dict[int, Fitted]:
+    """Return Cw of each state whose load and pressure are stated: assumed ones contradict nothing."""
+    assumed = {group.state for group in campaign.groups if not (group.load_known and group.pressure_known)}
+    widths = {estimate.state: estimate for estimate in estimates.values() if estimate.quantity == "Cw"}
+    return {state: widths[named] for state, named in _tire_states(campaign).items() if state not in assumed}
+
+
+def belt_widths_apart(widths: Iterable[Fitted]) -> tuple[Fitted, Fitted] | None:
+    """Return the lower and the higher of the two Cw farthest apart that contradict each other, None without such.
 
     Cw is the belt's width over its radius, the same at every load and pressure. All numbers of a state are proportional
     to its load over its pressure: where that is stated wrongly, Cw is off by the same share.
     """
-    widths = sorted(
-        (estimate for estimate in estimates.values() if estimate.quantity == "Cw"), key=lambda estimate: estimate.value
-    )
-    if len(widths) < 2 or not widths[0].value > 0.0:
-        return None
-    low, high = widths[0], widths[-1]
-    return (low, high) if contradict(low, high) else None
+    ordered = sorted((width for width in widths if width.value > 0.0), key=lambda width: width.value)
+    pairs = (pair for pair in combinations(ordered, 2) if contradict(*pair))
+    return max(pairs, key=lambda pair: pair[1].value / pair[0].value, default=None)
 
 
 def contradict(first: Fitted, second: Fitted) -> bool:
@@ -175,6 +175,20 @@ def _reference_state(campaign: Campaign) -> int:
     return int(np.argmax(counts))
 
 
+def _tire_states(campaign: Campaign) -> dict[int, TireState | None]:
+    """Return load and pressure of each state, in the order of estimates: first that with the most revolutions, None."""
+    reference = _reference_state(campaign)
+    states: dict[int, TireState | None] = {}
+    names: list[str] = []
+    for state in sorted({group.state for group in campaign.groups}, key=lambda state: (state != reference, state)):
+        conditions = campaign.groups[_first_group(campaign, state)].conditions
+        tire_state = TireState(conditions.load_n, conditions.pressure_pa)
+        names.append(_state_name(tire_state))
+        number = names.count(names[-1])
+        states[state] = None if state == reference else tire_state._replace(number=number if number > 1 else 0)
+    return states
+
+
 def _first_group(campaign: Campaign, state: int) -> int:
     return next(index for index, group in enumerate(campaign.groups) if group.state == state)
 
@@ -209,9 +223,10 @@ def _mean_of(
     return mean, {name: math.sqrt(max(square[name] - value**2, 0.0)) for name, value in mean.items()}
 
 
-def state_name(conditions: GroupConditions) -> str:
-    """Return the name of a state in the keys of estimates: its load and pressure."""
-    return f"{conditions.load_n:.0f} N, {conditions.pressure_pa / 1e3:.0f} kPa"
+def _state_name(state: TireState) -> str:
+    """Return the name of a state in the keys of estimates: its load and pressure, and the contact's number."""
+    contact = f", contact {state.number}" if state.number else ""
+    return f"{state.load_n:.0f} N, {state.pressure_pa / 1e3:.0f} kPa{contact}"
 
 
 def _is_determined(

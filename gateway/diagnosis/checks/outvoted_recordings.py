@@ -7,7 +7,7 @@ two that differ nobody knows which: that they differ is all that can be said.
 
 import math
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from typing import Final
 
 import numpy as np
@@ -21,7 +21,7 @@ from gateway.diagnosis.data.condition_groups import contact_groups
 from gateway.diagnosis.effects.angle_orders import ORDERS
 from gateway.diagnosis.effects.effect import LATERAL
 from gateway.diagnosis.reasons import DiagnosisCode
-from gateway.diagnosis.result import Fitted, TireState
+from gateway.diagnosis.result import Fitted
 
 # Correlation from which the opposite of a waveform explains more than half of another's power.
 _OPPOSITE: Final = -math.sqrt(0.5)
@@ -89,17 +89,14 @@ def unlike_contacts_of(campaign: Campaign) -> dict[int, Reason]:
     return reasons
 
 
-def unlike_loads(campaign: Campaign, estimates: Mapping[str, Fitted]) -> dict[int, Reason]:
+def unlike_loads(campaign: Campaign, widths: Mapping[int, Fitted]) -> dict[int, Reason]:
     """Return the recordings of states whose Cw contradicts that of most others: their load or pressure is wrong.
 
     Args:
         campaign: the data.
-        estimates: of all states, before their errors contain the contradiction.
+        widths: Cw of the states that are compared, before their errors contain the contradiction.
     """
-    widths = _widths(campaign.groups, estimates)
-    recordings: dict[int, set[int]] = {}
-    for group in campaign.groups:
-        recordings.setdefault(group.state, set()).add(group.recording)
+    recordings = {state: {group.recording for group in campaign.groups if group.state == state} for state in widths}
     all_recordings = set().union(*recordings.values())
     outvoted: dict[int, tuple[float, int]] = {}
     for state, width in widths.items():
@@ -115,20 +112,6 @@ def unlike_loads(campaign: Campaign, estimates: Mapping[str, Fitted]) -> dict[in
         for state, (median, count) in outvoted.items()
         for number in recordings[state] - sound
     }
-
-
-def _widths(groups: Sequence[Group], estimates: Mapping[str, Fitted]) -> dict[int, Fitted]:
-    """Return Cw of each state; the estimates of the one with the most revolutions name none."""
-    by_state = {estimate.state: estimate for estimate in estimates.values() if estimate.quantity == "Cw"}
-    widths: dict[int, Fitted] = {}
-    for group in groups:
-        tire_state = TireState(group.conditions.load_n, group.conditions.pressure_pa)
-        if group.state not in widths and tire_state in by_state:
-            widths[group.state] = by_state[tire_state]
-    unassigned = {group.state for group in groups} - widths.keys()
-    if None in by_state and len(unassigned) == 1:
-        widths[unassigned.pop()] = by_state[None]
-    return widths
 
 
 def _other_radius(campaign: Campaign) -> dict[int, Reason]:

@@ -166,7 +166,7 @@ def diagnose(
     standard error.
 
     With --effects, no search: the error on RECORDING... is reported with and without the effects of the file,
-    parameters fixed. Only the tire's own parameters and the contact's centre are fitted again.
+    parameters fixed. Only the tire's own parameters, the contact's centre and a measured depth are fitted again.
 
     --list-effects prints the catalogue: physics, equation, parameters and look-alikes of each effect.
 
@@ -191,7 +191,7 @@ def diagnose(
         )
     check_outputs(
         (json_path, html_path, effects_path),
-        (*recordings, *reverse, config_path, key_file or default_key_file()),
+        (*recordings, *reverse, config_path, known_path, key_file or default_key_file()),
         force=force,
     )
     _check_recordings(recordings)

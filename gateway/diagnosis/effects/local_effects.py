@@ -33,7 +33,7 @@ _COUNTS: Final[FloatArray] = np.arange(PATTERNS, dtype=np.float64)
 _FOURIER_WEIGHTS: Final = np.where(_COUNTS > 0.0, 1.0, 0.5) / math.pi
 _DEG: Final = 180.0 / math.pi
 # Speeds that differ by less than half a percent share an answer: those within a recording differ by some permille.
-_LOG_SPEED_STEPS: Final = 100.0
+LOG_SPEED_STEPS: Final = 100.0
 _OFFSET_STEP_M: Final = 5e-4
 # Of the Gauss-Hermite quadrature over a window's spectrum; the narrowest window that the patterns resolve; a tread that
 # bears next to nothing.
@@ -205,7 +205,7 @@ class LocalChange(_BeltResponse):
         self.start_values = ((std, 1.0, shape.width_rad, 0.0, 0.0, _USUAL_KURTOSIS, 0.0),)
 
     def held(self) -> Self:
-        """Return the effect for one fit, with the answer of the first belt that it meets under each of its conditions.
+        """Return the effect for one fit, with the answer of the first belt that it meets under a group's conditions.
 
         A fit that moves the tire's parameters by some percent moves the answer by as much of itself. Held, it does not
         jump as the contact's edges pass nodes, and is worked out once.
@@ -300,13 +300,14 @@ class LocalChange(_BeltResponse):
         self, block: ModelledBlock, belt: LoadedBelt, loss_s: float, log_mass: float, *, scanned: bool
     ) -> tuple[Answer, ...]:
         conditions, change = block.conditions, self.shape.change
-        log_speed = round(_LOG_SPEED_STEPS * math.log(conditions.omega_radps))
-        key = log_speed, log_mass, conditions.load_n, conditions.pressure_pa, loss_s
+        log_speed = round(LOG_SPEED_STEPS * math.log(conditions.omega_radps))
+        # The time tells the group: another one of equal conditions may have another contact, radius or sensor depth.
+        key = log_speed, log_mass, conditions.load_n, conditions.pressure_pa, loss_s, conditions.time_s
         if self._answers is not None and not scanned and key in self._answers:
             return self._answers[key]
         answer = _answers(
             belt,
-            math.exp(log_speed / _LOG_SPEED_STEPS),
+            math.exp(log_speed / LOG_SPEED_STEPS),
             relative_offset(block) * conditions.radius_m,
             loss_s,
             _KINDS if scanned else (change,),

@@ -13,6 +13,7 @@ from gateway.diagnosis.data.campaign_data import Campaign, Group
 from gateway.diagnosis.data.side_information import witnesses
 from gateway.diagnosis.effects.angle_orders import ORDERS, field_orders
 from gateway.diagnosis.effects.effect import GroupConditions, ModelledBlock, RingEffect, SignalEffect, Stage
+from gateway.diagnosis.effects.local_effects import LOG_SPEED_STEPS
 from gateway.diagnosis.effects.mounting import MEASURED_DEPTH
 from gateway.diagnosis.effects.ring_options import RingOptions
 from gateway.diagnosis.model.baseline import Core, NoShapeError, Shape, moved
@@ -26,8 +27,9 @@ AngleEffect = RingEffect | SignalEffect
 _ORDER: Final[FloatArray] = np.arange(ORDERS, dtype=np.float64)
 # Share of the signal by which the stages behind a derivative are tried.
 _RESPONSE_STEP_SHARE: Final = 1e-4
-# Steps of speed (relative) and of its change by which a group's answer to them is taken.
-_SPEED_STEP: Final = 1e-3
+# Steps of speed (relative) and of its change by which a group's answer to them is taken. Local effects change in steps
+# of speed: a smaller one would see nothing of them, or a whole step.
+_SPEED_STEP: Final = math.expm1(1.0 / LOG_SPEED_STEPS)
 _DRIFT_STEP_RADPS2: Final = 0.01
 # Step of the logarithm of load or pressure, and the difference within a group that is neglected.
 _STATE_STEP: Final = 1e-3

@@ -92,7 +92,8 @@ def beside_more(findings: Sequence[Finding], fit: Fit, data: Whitened) -> list[F
         effect = next((effect for effect in fit.model.effects if effect.name == finding.name), None)
         if effect is not None and finding.verdict is Verdict.NAMED:
             sizes = sizes_of(fit, effect)
-            if bool((sizes <= remaining_mps2)[sizes > 0.0].all()):
+            # NaN, where the ring has no solution without the effect, is not smaller.
+            if bool((sizes <= remaining_mps2).all()):
                 axis = int(np.argmax(sizes))
                 reason = Reason(
                     DiagnosisCode.SMALLER_THAN_LEFT, size_mps2=float(sizes[axis]), left_mps2=float(remaining_mps2[axis])

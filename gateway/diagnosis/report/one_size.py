@@ -223,7 +223,7 @@ def _buried(fit: Fit, data: Whitened, effect: AngleEffect) -> Reason | None:
     residuals, added = group_residuals(fit, data), added_by(fit, effect)
     worst: tuple[float, float, float] = (0.0, 0.0, 0.0)
     for groups in recordings_of(fit).values():
-        power = np.mean([POWER_SHARE * np.abs(np.nan_to_num(added[index])) ** 2 for index in groups], axis=0)
+        power = np.mean([POWER_SHARE * np.abs(added[index]) ** 2 for index in groups], axis=0)
         chosen = _strongest(power)
         explained = float(power[chosen].sum())
         remainder = float(np.mean([np.maximum(residuals[index].excess()[chosen].sum(), 0.0) for index in groups]))

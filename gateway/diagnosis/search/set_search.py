@@ -344,14 +344,15 @@ class SetSearch:
         best = self.best
         without = [evaluated.log_evidence for names, evaluated in self.evaluations.items() if name not in names]
         worth = best.log_evidence - max(without, default=-math.inf)
-        remaining = best.names - {name}
-        return tuple(
+        remaining, tried = best.names - {name}, self.evaluations.keys() | self.rejected
+        # Those beside it may do without it.
+        beside: tuple[str, ...] = () if remaining in tried else tuple(sorted(remaining))
+        return beside + tuple(
             rival
             for rival in rivals_of(name, worth, self.effects, list(self.promises.values()))
             if rival not in best.names
             and not isinstance(self.effects[rival], LocalChange)
-            and remaining | {rival} not in self.evaluations
-            and remaining | {rival} not in self.rejected
+            and remaining | {rival} not in tried
         )
 
     @property

@@ -1,7 +1,7 @@
 """Lines and bands above the fitted density that no effect of the catalogue explains."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -11,6 +11,7 @@ from scipy.ndimage import maximum_filter1d
 from gateway.core.constants import AXIS_NAMES
 from gateway.core.types import BoolArray, FloatArray
 from gateway.diagnosis import criteria
+from gateway.diagnosis.data.condition_groups import modes
 from gateway.diagnosis.remainder.statistics import held_scaling, rare_ratio, scaling_of
 from gateway.diagnosis.result import Unexplained
 from gateway.diagnosis.spectrum.nonsynchronous_density import Site
@@ -30,7 +31,8 @@ _SAME_ORDER: Final = 0.06
 _MULTIPLE_HZ: Final = 0.7
 _NEAR_HZ: Final = 1.2
 _COMB_RATIO: Final = 2.0
-_LOG_SPEED_STEP: Final = 0.05
+# Largest ratio of speeds that count as one, as a logarithm.
+_SPEED_WIDTH_LN: Final = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,10 +204,10 @@ def unexplained(sites: Sequence[Site], parts: Sequence[Part]) -> list[Unexplaine
         seed = remaining[0]
         by_hz = [part for part in remaining if _same_hz(seed, part)]
         by_order = [part for part in remaining if _same_order(seed, part, sites)]
-        speeds_hz, speeds_order = _speeds(by_hz, sites), _speeds(by_order, sites)
-        locked = len(speeds_order) > len(speeds_hz)
+        speeds_hz, speeds_order = (_speeds((part.group for part in alike), sites) for alike in (by_hz, by_order))
+        locked = speeds_order > speeds_hz
         members = by_order if locked else by_hz
-        is_lock_known = max(len(speeds_order), len(speeds_hz)) > 1
+        is_lock_known = max(speeds_order, speeds_hz) > 1
         entries.append(_entry(sites, members, locked if is_lock_known else None))
         remaining = [part for part in remaining if part not in members]
     return sorted(entries, key=lambda entry: -entry.rms_mps2)
@@ -224,9 +226,10 @@ def _same_order(seed: Part, part: Part, sites: Sequence[Site]) -> bool:
     return part.low_hz / part_hz <= seed.high_hz / seed_hz and seed.low_hz / seed_hz <= part.high_hz / part_hz
 
 
-def _speeds(parts: Sequence[Part], sites: Sequence[Site]) -> set[int]:
-    """Return the distinct speeds at which parts were found, to a few percent."""
-    return {round(math.log(sites[part.group].spectra.speed_mps) / _LOG_SPEED_STEP) for part in parts}
+def _speeds(groups: Iterable[int], sites: Sequence[Site]) -> int:
+    """Return the number of speeds of groups; those that differ by a few percent are one."""
+    labels = modes(np.log([site.spectra.speed_mps for site in sites]), _SPEED_WIDTH_LN)
+    return len({int(labels[group]) for group in groups})
 
 
 def _entry(sites: Sequence[Site], parts: Sequence[Part], locked: bool | None) -> Unexplained:
@@ -260,7 +263,9 @@ def _entry(sites: Sequence[Site], parts: Sequence[Part], locked: bool | None) ->
         if locked and not doubtful
         else math.nan,
         centre_hz=float(np.mean([part.centre_hz for part in axis_parts])) if line and not locked else math.nan,
-        speeds=_number_of_speeds(sites, parts) if locked is False else None,
+        speeds=(_speeds((part.group for part in parts), sites), _speeds(range(len(sites)), sites))
+        if locked is False
+        else None,
         other_axes=tuple((AXIS_NAMES[other_axis], value) for other_axis, value in sizes.items() if other_axis != axis),
     )
 
@@ -306,9 +311,3 @@ def _order_range(orders: Sequence[tuple[float, float, float]], *, doubtful: bool
     if first > last:
         first = last = max(1, round(np.mean([centre for _, centre, _ in orders])))
     return first, last
-
-
-def _number_of_speeds(sites: Sequence[Site], parts: Sequence[Part]) -> tuple[int, int]:
-    """Return the number of speeds at which parts are seen, and that of all speeds."""
-    total = len({round(math.log(site.spectra.speed_mps) / _LOG_SPEED_STEP) for site in sites})
-    return len(_speeds(parts, sites)), total

@@ -110,13 +110,13 @@ def parameter_label(name: str) -> str:
 
 
 def state_text(state: TireState | None) -> str:
-    """Return a load and pressure; empty for None, the state of the most revolutions."""
+    """Return load, pressure and contact; empty for None, the state of the most revolutions."""
     if state is None:
         return ""
     return ", ".join(
         f"{shown_value(name, value, 0)} {unit_symbol(name)}"
         for name, value in (("load_n", state.load_n), ("pressure_pa", state.pressure_pa))
-    )
+    ) + (f", contact {state.number}" if state.number else "")
 
 
 def _label(name: str) -> tuple[str, Unit]:
