@@ -31,8 +31,10 @@ from gateway.core.wheels.timebase import HostClock, SampleClock
 _KNOT_S: Final = 0.5
 # The first samples are dated by the sampling rate that is known after this time.
 _RATE_KNOWN_S: Final = 2.5
-# Samples are held back for this long, so that late ones find their place.
+# Samples are held back for this long, so that late ones find their place, and the first ones until the computer's time
+# is known: the first frame may have come later than others.
 _HOLD_S: Final = 3.0
+_HOST_TIME_KNOWN_S: Final = 6.0
 # As in the pipeline: longer gaps begin a new segment, with a clock of its own.
 _MAX_GAP_S: Final = 0.25
 _LATE_TOLERANCE_US: Final = 250_000
@@ -275,8 +277,9 @@ class _Segment:
 
     def ready(self) -> int:
         """Return the end of the samples that can be dated now."""
-        decided = self.head - round(_HOLD_S * self.rate_hz) - self.first
-        return self.first + decided // self._knot * self._knot if decided > 0 else self.released
+        if self.head - self.first < _HOST_TIME_KNOWN_S * self.rate_hz:
+            return self.released
+        return self.first + (self.head - round(_HOLD_S * self.rate_hz) - self.first) // self._knot * self._knot
 
     def release(self, end: int, host: HostClock) -> Iterator[tuple[_Run, FloatArray, NDArray[np.int64], float]]:
         """Yield the held samples before `end`, without gaps, with their hub times, host times and rate."""
@@ -294,7 +297,9 @@ class _Segment:
         # Dated by the stamps up to the knot, so that the times do not depend on the chunks in which samples arrive.
         dated_at = np.minimum(np.maximum(knots, self.first + round(_RATE_KNOWN_S * self.rate_hz)), self.head)
         knots_us = np.array([self._hub_us(*pair) for pair in zip(knots.tolist(), dated_at.tolist(), strict=True)])
-        knots_ns = np.array([host.host_ns(hub_us) for hub_us in knots_us.tolist()], np.int64)
+        known_number = min(self.first + round((_HOST_TIME_KNOWN_S - 0.5) * self.rate_hz), self.head)
+        known_us = self._hub_us(known_number, known_number)
+        knots_ns = np.array([host.host_ns(hub_us, known_us) for hub_us in knots_us.tolist()], np.int64)
         # A fit that has learnt better may place a knot before the last one.
         knots_us[0], knots_ns[0] = max(knots_us[0], self._last_knot[0]), max(knots_ns[0], self._last_knot[1])
         np.maximum.accumulate(knots_us, out=knots_us)

@@ -252,6 +252,10 @@ class HostClock:
             self.stamp(int(ticks_us[earliest]), int(hosts_ns[earliest]))
         self._newest = int(ticks_us[-1]), int(hosts_ns[-1])
 
+    def silence_us(self, host_ns: int) -> int:
+        """Return the time from the newest arrival to one at `host_ns`, 0 without or before it."""
+        return max(0, host_ns - self._newest[1]) // 1000 if self._newest is not None else 0
+
     @property
     def latency_s(self) -> float | None:
         """Delay of the newest frame relative to the fastest frames, None before the first."""
@@ -260,11 +264,16 @@ class HostClock:
         tick_us, host_ns = self._newest
         return max(0.0, (host_ns - self.host_ns(tick_us)) * 1e-9)
 
-    def host_ns(self, tick_us: float) -> int:
-        """Return the host time of hub time `tick_us`, with the least delay of the link included; 0 if unknown."""
+    def host_ns(self, tick_us: float, known_us: float = -math.inf) -> int:
+        """Return the host time of hub time `tick_us`, with the least delay of the link included; 0 if unknown.
+
+        Args:
+            tick_us: hub time.
+            known_us: later hub time up to which arrivals count, where there is one.
+        """
         if self._first is None:
             return 0
-        newest = int(tick_us // _HOST_WINDOW_US) - _USED_AFTER_WINDOWS
+        newest = int(max(tick_us, known_us) // _HOST_WINDOW_US) - _USED_AFTER_WINDOWS
         fit = self._fits.get(newest)
         if fit is None:
             points = [point for point in self._closed if point[0] <= newest][-_HOST_WINDOWS:]

@@ -1,4 +1,5 @@
 import threading
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -113,6 +114,16 @@ def test_host_times_are_the_arrival_of_the_fastest_frames(two_wheels):
     # A block is sent when the last of its 36 samples is taken.
     assert delay_s.min() > 36 / RATE_HZ
     assert delay_s.max() < 36 / RATE_HZ + 2e-3
+
+
+@pytest.mark.parametrize("duration_s", [3.0, 8.0])
+def test_first_frames_that_come_late_bend_no_time(duration_s):
+    scenario = parse_scenario(SCENARIO, "test")
+    chunks = list(simulate(scenario, duration_s=duration_s).chunks("sim:test", START_NS))
+    late = [replace(chunk, host_ns=max(chunk.host_ns, START_NS + 60_000_000)) for chunk in chunks]
+    result = joined(sample_blocks(OpenedRecording(Held(late), parse_vehicle(vehicle_toml(scenario), "test"))), "FL")
+    rates = 9600.0 / (result["host_ns"][4800:] - result["host_ns"][:-4800]) * 0.5e9
+    np.testing.assert_allclose(rates, RATE_HZ * (1 + 250e-6), rtol=4e-4)
 
 
 def test_chunks_do_not_change_samples(two_wheels, monkeypatch):
