@@ -32,6 +32,8 @@ MAX_EVENTS: Final = 10_000
 """Largest number of events that an inspection keeps."""
 # A day; the time line of a longer recording shows the rest in its last second.
 _MAX_SECONDS: Final = 86_400
+# Latest gaps that late blocks can fill.
+_MAX_GAPS: Final = 64
 
 
 @dataclass(slots=True)
@@ -43,7 +45,7 @@ class WheelInspection:
         hello: the last hello, None without one.
         boots: boot counts seen, in order.
         samples: number of received samples.
-        samples_lost: samples missing by their numbers, without late ones; a restart loses none.
+        samples_lost: samples missing by their numbers, without late ones; a restart loses none, a repeat fills none.
         measured_hz: sampling rate by the hub's clock, None with too few samples.
         seconds: host second -> [samples, samples lost].
     """
@@ -58,12 +60,24 @@ class WheelInspection:
     _next: int | None = None
     _first: tuple[int, int] | None = None
     _tick: int | None = None
+    _gaps: list[tuple[int, int]] = field(default_factory=list)
 
     def restart(self, boot_count: int) -> None:
         """Note a boot; a new boot count resets the counters."""
         if not self.boots or self.boots[-1] != boot_count:
             self.boots.append(boot_count)
-            self._next = self._first = self._tick = None
+            self._count_anew()
+
+    def _count_anew(self) -> None:
+        self._next = self._first = self._tick = None
+        self._gaps.clear()
+
+    def _fill(self, first: int, end: int) -> int:
+        """Return how many samples of a late block were missing."""
+        missing = sum(gap_end - gap for gap, gap_end in self._gaps)
+        pieces = [piece for gap in self._gaps for piece in ((gap[0], min(gap[1], first)), (max(gap[0], end), gap[1]))]
+        self._gaps = [(begin, piece_end) for begin, piece_end in pieces if begin < piece_end]
+        return missing - sum(gap_end - gap for gap, gap_end in self._gaps)
 
     def _jumps(self, number: int, tick_us: int) -> bool:
         """Return whether sample numbers and the hub's clock advance apart, so that no samples are missing."""
@@ -75,22 +89,26 @@ class WheelInspection:
     def add(self, number: int, n: int, tick_us: int, host_s: int) -> None:
         """Count a block of n samples, by the number and the hub time of its first one."""
         if self._jumps(number, tick_us):
-            self._next = self._first = self._tick = None
+            self._count_anew()
         expected = self._next
         first = number if expected is None else unwrap(expected, number)
+        gap = 0 if expected is None else first - expected
         if host_s not in self.seconds and len(self.seconds) >= _MAX_SECONDS:
             host_s = next(reversed(self.seconds))
         second = self.seconds.setdefault(host_s, [0, 0])
         self.samples += n
         second[0] += n
-        if expected is None or first >= expected:
-            gap = 0 if expected is None else first - expected
+        if gap < 0:
+            self.samples_lost -= self._fill(first, first + n)
+            return
+        if gap:
             self.samples_lost += gap
             second[1] += gap
-            self._next = first + n
-        else:
-            self.samples_lost = max(0, self.samples_lost - n)
-        self._tick = tick_us if self._tick is None else unwrap(self._tick, tick_us)
+            self._gaps = [*self._gaps[1 - _MAX_GAPS :], (first - gap, first)]
+        self._next = first + n
+        # Ticks may have wrapped in the gap.
+        gap_us = round(gap * 1e6 / self.hello.rate_hz) if self.hello is not None else 0
+        self._tick = tick_us if self._tick is None else unwrap(self._tick + gap_us, tick_us)
         if self._first is None:
             self._first = (first, self._tick)
         elif self._tick - self._first[1] > 1_000_000 and first > self._first[0]:

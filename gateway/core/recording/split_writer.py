@@ -44,7 +44,8 @@ class SplitWriter:
     """A `Recorder` that goes on in a new file at a size or after a time; used by one thread.
 
     A link goes on in the new file from its next HELLO on. So a frame is in one file as a whole, and each file contains
-    what its samples need. Decoded topics, marks and other events are in the new file as soon as it exists.
+    what its samples need, but for up to 2 s of wheels whose HELLO does not follow at once. Decoded topics, marks and
+    other events are in the new file as soon as it exists.
 
     Attributes:
         items: number of link items written to all files.
@@ -76,7 +77,7 @@ class SplitWriter:
         self._finished_bytes = self._largest_bytes = 0  # read by other threads
         # Begin of a possible HELLO at the end of a chunk, by link.
         self._pending: dict[str, bytes] = {}
-        # Last HELLO that was not the first of several, by link.
+        # First HELLO since the file began, by link; it need not be the first of several.
         self._hello_ns: dict[str, int] = {}
         self.items = 0
         self.parts = 1
@@ -129,9 +130,10 @@ class SplitWriter:
         """Write what comes before a HELLO to the previous file, and the rest to the new one."""
         data = self._pending.pop(chunk.link, b"") + chunk.data
         start = data.find(_HELLO_START)
-        if start >= 0 and chunk.host_ns - self._hello_ns.get(chunk.link, self._begin_ns) < _SAME_HELLOS_NS:
-            self._hello_ns[chunk.link] = chunk.host_ns
-            start = -1
+        if start >= 0:
+            first_ns = self._hello_ns.setdefault(chunk.link, chunk.host_ns)
+            if max(first_ns - self._begin_ns, chunk.host_ns - first_ns) < _SAME_HELLOS_NS:
+                start = -1
         if start < 0 and chunk.host_ns - self._begin_ns < _HANDOVER_NS:
             start = next(n for n in range(len(_HELLO_START) - 1, -1, -1) if data.endswith(_HELLO_START[:n]))
             self._pending[chunk.link] = data[len(data) - start :]

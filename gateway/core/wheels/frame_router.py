@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
-from typing import Generic, Protocol, TypeVar
+from typing import Final, Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,19 +13,22 @@ from firmware_protocol.sequence import unwrap
 from firmware_protocol.wheel_limit import WheelLimit
 from gateway.core.wheels.timebase import HostClock
 
+# A quarter of the time in which ticks wrap.
+_LONG_SILENCE_NS: Final = 1000 << 30
+
 
 class Hub:
     """Clock of a hub: unwraps its 32-bit ticks and maps them to host time.
 
     Attributes:
-        boot_count: of its last hello, None before one.
+        start: serial number and boot count of its last hello, None before one.
         last_us: newest hub time, None before the first frame since its start.
         host: clock of the host.
     """
 
     def __init__(self) -> None:
         """Begin before the first frame."""
-        self.boot_count: int | None = None
+        self.start: tuple[int, int] | None = None
         self.last_us: int | None = None
         self.host = HostClock()
 
@@ -34,14 +37,21 @@ class Hub:
         self.last_us = None
         self.host = HostClock()
 
-    def unwrap(self, tick_us: int) -> int:
-        """Return the hub time of the next frame, without wraps."""
-        self.last_us = tick_us if self.last_us is None else unwrap(self.last_us, tick_us)
+    def stamp(self, tick_us: int, host_ns: int | None) -> int:
+        """Take the tick and any arrival of the next frame; return its hub time without wraps."""
+        # Ticks may have wrapped in a silence.
+        silence_us = self.host.silence_us(host_ns) if host_ns is not None else 0
+        self.last_us = tick_us if self.last_us is None else unwrap(self.last_us + silence_us, tick_us)
+        if host_ns is not None:
+            self.host.stamp(self.last_us, host_ns)
         return self.last_us
 
     def stamp_all(self, ticks_us: NDArray[np.uint32], hosts_ns: NDArray[np.int64] | None) -> NDArray[np.int64]:
         """Take the ticks and any arrivals of frames, (n,) each, n > 0; return their hub times without wraps."""
-        unwrapped = np.full(len(ticks_us), self.unwrap(int(ticks_us[0])))
+        if hosts_ns is not None and hosts_ns[-1] - hosts_ns[0] > _LONG_SILENCE_NS:
+            return np.array([self.stamp(*both) for both in zip(ticks_us.tolist(), hosts_ns.tolist(), strict=True)])
+        first_ns = int(hosts_ns[0]) if hosts_ns is not None else None
+        unwrapped = np.full(len(ticks_us), self.stamp(int(ticks_us[0]), first_ns))
         unwrapped[1:] += np.cumsum((ticks_us[1:] - ticks_us[:-1]).view(np.int32), dtype=np.int64)
         if hosts_ns is not None:
             self.host.stamp_all(unwrapped, hosts_ns)
@@ -134,15 +144,14 @@ class FrameRouter(Generic[WheelT]):
         _, hub_number, number, _, tick, message = frame
         hub = self.hub(link, hub_number)
         if isinstance(message, Hello):
-            if hub.boot_count is not None and hub.boot_count != message.boot_count:
+            start = message.hub_id, message.boot_count
+            if hub.start not in (None, start):
                 for (wheel_link, wheel_hub, _), wheel in self.wheels.items():
                     if (wheel_link, wheel_hub) == (link, hub_number) and wheel is not None:
                         wheel.restart()
                 hub.restart()
-            hub.boot_count = message.boot_count
-        tick_us = hub.unwrap(tick)
-        if host_ns is not None:
-            hub.host.stamp(tick_us, host_ns)
+            hub.start = start
+        tick_us = hub.stamp(tick, host_ns)
         if (
             isinstance(message, Hello | Environment)
             and (source_wheel := self.wheel(link, hub_number, number)) is not None

@@ -3,7 +3,7 @@
 import math
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from functools import partial
 from itertools import pairwise
 from typing import Final, NamedTuple
@@ -155,7 +155,7 @@ class WheelPipeline:
         self._hold_s = hold_s
 
     def hello(self, hello: Hello) -> None:
-        """Take the layout and scaling of the samples; a changed sensor or rate restarts the wheel's processing."""
+        """Take the layout and scaling of the samples; if they or the sensor change, the processing restarts."""
         previous = self._sensor
         self._serials.append(hello.sensor_id)
         if previous is not None and previous.hello == hello:
@@ -165,8 +165,7 @@ class WheelPipeline:
         reading = SensorReading.from_hello(hello)
         is_same_layout = (
             previous is not None
-            and previous.reading.columns == reading.columns
-            and previous.hello.rate_hz == hello.rate_hz
+            and all(map(np.array_equal, astuple(previous.reading), astuple(reading)))
             and previous.hello.boot_count == hello.boot_count
             and previous.hello.sensor_id == hello.sensor_id
         )

@@ -9,7 +9,7 @@ from firmware_protocol.codec import encode_frame
 from firmware_protocol.messages import Coupling, Frame, Hello, MessageType, SampleBlock
 from gateway.core.errors import RecordingError
 from gateway.core.links.source import Chunk, LinkEvent, LinkEventKind
-from gateway.core.recording.inspection import inspect_recording
+from gateway.core.recording.inspection import WheelInspection, inspect_recording
 from gateway.core.recording.writer import RecordingWriter
 from tests.testkit.commands import invoked, run
 
@@ -64,6 +64,38 @@ def test_losses_rates_restarts_and_events(recording):
     assert sum(missing for _, missing in wheel.seconds.values()) == wheel.samples_lost
     assert [event.kind for event in result.events] == [LinkEventKind.MARK]
     assert result.damage is None
+
+
+@pytest.mark.parametrize("gap_min", [1, 40, 80, 1000])
+def test_ticks_that_wrapped_in_a_gap_do_not_change_the_measured_rate(gap_min):
+    wheel = WheelInspection(hello=hello(1))
+    begin = gap_min * 60 * 4800
+    for sample in [*range(0, 48_000, 48), *range(begin, begin + 48_000, 48)]:
+        wheel.add(sample, 48, round(sample / 4800.5 * 1e6) & 0xFFFFFFFF, 0)
+    assert wheel.measured_hz == pytest.approx(4800.5, rel=1e-6)
+    assert wheel.samples_lost == begin - 48_000
+
+
+def test_only_a_block_that_was_missing_repairs_a_loss():
+    wheel = WheelInspection(hello=hello(1))
+
+    def add(*blocks):
+        for block in blocks:
+            wheel.add(block * 48, 48, block * 10_000, 0)
+
+    add(*range(40), *range(60, 100))
+    assert wheel.samples_lost == 20 * 48
+    add(*range(20, 40), *range(60, 65))
+    assert wheel.samples_lost == 20 * 48
+    add(45, 45, 59, 40, 45, 100)
+    assert wheel.samples_lost == 17 * 48
+    wheel.add(44 * 48 + 24, 48, 445_000, 0)
+    assert wheel.samples_lost == 17 * 48 - 24
+    for block in range(200, 400, 2):
+        add(block)
+    lost = wheel.samples_lost
+    add(397, 41)
+    assert wheel.samples_lost == lost - 48, "gaps of long ago are forgotten"
 
 
 def test_text_and_json_agree_and_are_clean(recording):

@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from firmware_protocol.codec import encode_frame
 from firmware_protocol.decoder import FrameDecoder
-from firmware_protocol.messages import Hello, SampleBlock
+from firmware_protocol.messages import Frame, Hello, MessageType, SampleBlock
 from gateway.core.cli import treadlink
 from gateway.core.clock import ManualClock
 from gateway.core.errors import RecordingError
@@ -17,6 +18,7 @@ from gateway.core.links.source import BusFrames, Chunk, open_source
 from gateway.core.recording.reader import RecordingReader
 from gateway.core.recording.split_writer import Split, SplitWriter
 from gateway.core.recording.writer import RecordingWriter
+from tests.core.recording.streams import hello
 from tests.testkit.commands import invoked
 
 S = 1_000_000_000
@@ -92,6 +94,24 @@ def test_links_without_hello_go_on_at_a_chunk(tmp_path: Path) -> None:
     remaining = [item for name in ("r.mcap", *sorted(names)[:-1]) for item in RecordingReader(tmp_path / name).items()]
     bytes_of = [item.data for item in remaining if isinstance(item, Chunk) and item.link == "serial:silent"]
     assert bytes_of == [bytes([second]) for second in range(40)]
+
+
+@pytest.mark.parametrize(("wheels", "apart_ms"), [(8, 250), (2, 1000), (4, 50)])
+def test_hellos_at_any_distance_begin_a_file_soon(tmp_path: Path, wheels: int, apart_ms: int) -> None:
+    frames = [
+        (round_ms + apart_ms * wheel, Frame(MessageType.HELLO, 0, wheel, round_ms // 2000, 0, hello(wheel)))
+        for round_ms in range(0, 20_000, 2000)
+        for wheel in range(wheels)
+    ]
+    for due_ms in (4000, 4070, 4500):
+        folder = tmp_path / str(due_ms)
+        folder.mkdir()
+        items = [Chunk("link", START_NS + ms * S // 1000, encode_frame(frame)) for ms, frame in frames]
+        paths = written(folder, items, Split(duration_ns=due_ms * S // 1000))
+        starts_ns = [next(RecordingReader(path).items()).host_ns for path in paths[:2]]
+        assert starts_ns[1] - starts_ns[0] <= (due_ms + 4000) * S // 1000
+        (first, *_) = FrameDecoder().feed(next(RecordingReader(paths[1]).items()).data)
+        assert apart_ms >= 250 or first.wheel == 0, "HELLOs that follow each other are in one file"
 
 
 @pytest.mark.parametrize("ahead_s", [-100_000_000, 100_000_000])

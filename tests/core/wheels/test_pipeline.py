@@ -269,6 +269,33 @@ def test_hub_restart_loses_only_unsent_samples(roll, to_frames):
     assert_agree(run_batch(stream(first + second))[0], results)
 
 
+@pytest.mark.parametrize(
+    ("change", "gain", "zero"),
+    [
+        ({"scale_mps2": (0.0, 0.0, 0.1), "range_mps2": (0.0, 0.0, 39240.0)}, 2.0, 0.0),
+        ({"offset_counts": (0.0, 0.0, 4000.0)}, 1.0, 200.0),
+    ],
+)
+def test_no_revolution_is_of_samples_of_two_ranges(roll, to_frames, change, gain, zero) -> None:
+    signal = roll(65.0, 1.4).radial_mps2
+    half = len(signal) // 2 // 36 * 36
+    second = to_frames((signal[half:] + zero) / gain, first_sample=half, start_us=half * 10**6 // 9600, **change)
+    results, pipeline = run_live(stream(to_frames(signal[:half]) + second), estimators=("kinematic",))
+    assert len(results) >= 5
+    means = np.array([result.revolution.radial_mps2.mean() for result in results])
+    assert np.abs(means / means[0] - 1.0).max() < 0.01
+    assert pipeline.wheels()[0].counters.samples_lost == 0
+
+
+def test_a_hello_that_says_the_same_of_the_samples_restarts_nothing(roll, to_frames) -> None:
+    frames = to_frames(roll(65.0, 1.0).radial_mps2)
+    clean, _ = run_live(stream(frames), estimators=("kinematic",))
+    for change in ({}, {"scale_mps2": (0.1, 0.1, 0.05), "firmware": (1, 2, 4)}):
+        again = to_frames(np.zeros(0), **change)[0]._replace(tick_us=frames[130].tick_us)
+        results, _ = run_live(stream([*frames[:130], again, *frames[130:]]), estimators=("kinematic",))
+        assert [r.revolution.period_s for r in results] == [r.revolution.period_s for r in clean]
+
+
 @pytest.mark.parametrize("boot_count", [1, 2])
 def test_another_sensor_begins_a_new_tire_also_where_the_hub_has_restarted(roll, to_frames, boot_count) -> None:
     frames = to_frames(roll(65.0, 1.0).radial_mps2, sensor_id=0xA)
