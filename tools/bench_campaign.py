@@ -17,7 +17,6 @@ import json
 import math
 import os
 import platform
-import resource
 import subprocess
 import sys
 import time
@@ -54,6 +53,16 @@ QUERIES = 3
 BENDING = 3.08e-3
 PRESSURE_KPA = 220.0
 LOAD_N = 4000.0
+# Runs a command and prints what it and its workers have used: this process has waited for others too.
+_MEASURED = """
+import resource, signal, subprocess, sys
+process = subprocess.Popen(sys.argv[1:])
+signal.signal(signal.SIGTERM, lambda *_: process.terminate())
+status = process.wait()
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+print(used.ru_utime + used.ru_stime, used.ru_maxrss)
+sys.exit(status if status >= 0 else 128 - status)
+"""
 
 
 @dataclass(frozen=True)
@@ -199,29 +208,25 @@ def make(folder: Path, count: int, jobs: int, duration_s: float) -> None:
 def estimate(folder: Path, jobs: int, limit_s: float | None) -> None:
     """Run the campaign with this number of workers and print what it took."""
     dataset = folder / f"jobs{jobs}.dataset"
-    command = [sys.executable, "-m", "gateway.core.cli", "campaign", str(folder / "recordings"), "--out", str(dataset)]
-    command += ["--jobs", str(jobs)]
-    begin, before = time.monotonic(), resource.getrusage(resource.RUSAGE_CHILDREN)
+    command = [sys.executable, "-c", _MEASURED, sys.executable, "-m", "gateway.core.cli", "campaign"]
+    command += [str(folder / "recordings"), "--out", str(dataset), "--jobs", str(jobs)]
+    begin = time.monotonic()
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     try:
         printed, _ = process.communicate(timeout=limit_s)
     except subprocess.TimeoutExpired:
         process.terminate()
         printed, _ = process.communicate()
-    wall_s, after = time.monotonic() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
-    cpu_s = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    sizes = {
-        name: [part.stat().st_size for part in (dataset / name).rglob("*.parquet")]
-        for name in (RECORDINGS, REVOLUTIONS)
-    }
+    wall_s = time.monotonic() - begin
+    *lines, used = printed.splitlines()
+    cpu_s, peak_kib = map(float, used.split())
+    tables = (RECORDINGS, REVOLUTIONS)
+    sizes = {name: [part.stat().st_size for part in (dataset / name).rglob("*.parquet")] for name in tables}
     count = len(sizes[RECORDINGS])
     print(f"--jobs {jobs}: exit status {process.returncode}")
-    print("\n".join(f"  {line}" for line in printed.splitlines()))
-    memory = f"coordinator or worker {after.ru_maxrss / 1e3:.0f} MB at most"
-    print(
-        f"  {count} recordings in the dataset; {wall_s:.0f} s, {cpu_s:.0f} s of CPU, "
-        f"{cpu_s / max(count, 1):.2f} s each; {memory}"
-    )
+    print("\n".join(f"  {line}" for line in lines))
+    each = f"{cpu_s / max(count, 1):.2f} s each; coordinator or worker {peak_kib / 1024:.0f} MB at most"
+    print(f"  {count} recordings in the dataset; {wall_s:.0f} s, {cpu_s:.0f} s of CPU, {each}")
     for name, result in sizes.items():
         print(f"  {name}: {sum(result) / 1e6:.1f} MB, {sum(result) / max(count, 1) / 1e3:.1f} kB a recording")
 
@@ -299,16 +304,9 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, action="append", default=[], help="estimate with this number of workers")
     parser.add_argument("--limit", type=float, metavar="SECONDS", help="stop each campaign after this time")
     parser.add_argument("--check", type=int, metavar="JOBS", help="compare the trends of this dataset with the truth")
-    parser.add_argument(
-        "--packing",
-        type=int,
-        metavar="COUNT",
-        help=f"simulate this number of recordings of {SHORT_S:g} s, estimate them with one worker and pack the dataset",
-    )
+    parser.add_argument("--packing", type=int, metavar="COUNT", help="simulate, estimate and pack short recordings")
     arguments = parser.parse_args()
-    print(
-        f"{platform.processor() or platform.machine()}, {os.cpu_count()} processors, Python {platform.python_version()}"
-    )
+    print(f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}")
     if arguments.make:
         make(arguments.folder, arguments.make, os.cpu_count() or 1, DURATION_S)
     for jobs in arguments.jobs:

@@ -1,5 +1,5 @@
 # ruff: noqa: E402 - the number of threads must be set before numpy is imported
-"""CPU time per revolution by stage and estimator, and per revolution of a dump.
+"""CPU time per revolution by stage and estimator.
 
 For comparison: scipy's general least squares on the ring paper's problem. Run: python tools/bench_estimators.py
 """
@@ -17,7 +17,7 @@ for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import numpy as np
 import scipy
-from bench_ring_paper import BASE, OMEGA, ORDERS, RADIUS_M, revolution_of, sampled
+from bench_ring_paper import OMEGA, ORDERS, RADIUS_M, sampled
 from scipy.optimize import least_squares
 
 from gateway.core.estimates.estimator import AngleAverage, Estimator, Revolution, TireConditions
@@ -31,7 +31,8 @@ from gateway.core.revolutions.speed_normalisation import normalise_revolutions
 from gateway.core.revolutions.synchronous_average import RunningAverage
 from gateway.ring.reference_tire import TABLE_3_NUMBERS
 from gateway.ring.ring_series import stiffness_terms
-from gateway.ring.rolling_ring import solve_rolling_ring
+from tools.generators.lateral_signals import Sensor, lateral, radial, through_pipeline
+from tools.generators.lateral_signals import samples as three_axes
 
 LOAD_N, PRESSURE_PA = 5000.0, 2.1e5
 REVOLUTIONS = 64
@@ -40,10 +41,7 @@ CONDITIONS = TireConditions(
     RADIUS_M,
     LOAD_N,
     PRESSURE_PA,
-    tire=TireData(
-        ring_thickness_m=0.015,
-        reference=ReferenceNumbers(*TABLE_3_NUMBERS, pressure_pa=PRESSURE_PA),
-    ),
+    tire=TireData(ring_thickness_m=0.015, reference=ReferenceNumbers(*TABLE_3_NUMBERS, pressure_pa=PRESSURE_PA)),
 )
 
 
@@ -65,19 +63,15 @@ def microseconds(work: Callable[[], object], repeats: int = 200) -> float:
     return 1e6 * float(np.median(durations))
 
 
-def turns() -> tuple[list[Turn], np.ndarray, np.ndarray]:
-    """Revolutions of the exact ring with noise, gravity and a running average; the samples and contact centres."""
-    ring = solve_rolling_ring(BASE, LOAD_N, PRESSURE_PA, OMEGA, nodes=1440)
-    samples, centres = sampled(ring, REVOLUTIONS + 2, seed=2)
-    average = RunningAverage()
-    results = []
-    for previous, start, end in zip(centres, centres[1:], centres[2:], strict=False):
-        revolution = revolution_of(samples, start, end, previous)
-        results.append(Turn(revolution, extended(average, revolution)))
-    return results, samples, centres
+def turns() -> list[Turn]:
+    """Revolutions of the exact ring with three axes, ply steer, noise, gravity and a running average."""
+    wheel, sensor, average = radial(LOAD_N, PRESSURE_PA), Sensor(noise_mg=5.0), RunningAverage()
+    rolled = through_pipeline(three_axes(wheel, [(REVOLUTIONS + 4, lateral(wheel))], sensor), sensor)[-REVOLUTIONS:]
+    return [Turn(r.revolution, extended(average, r.revolution)) for r in rolled]
 
 
-def print_stages(result: list[Turn], samples: np.ndarray, centres: np.ndarray) -> None:
+def print_stages(result: list[Turn]) -> None:
+    samples, centres = sampled(radial(LOAD_N, PRESSURE_PA), 4, seed=2)
     axes = np.stack([samples] * 3, axis=1)
     phase = fit_phase(centres[1], centres[2], centres[0])
     waves = resample_revolutions([axes], [phase])[:, 0]
@@ -90,22 +84,24 @@ def print_stages(result: list[Turn], samples: np.ndarray, centres: np.ndarray) -
         "contact edges": microseconds(lambda: find_contact_edges(clean, phase.samples)),
         "running average": microseconds(lambda: extended(average, next(revolutions))),
     }
-    estimators = {name: update_times(name, result) for name in ESTIMATORS}
-    used = rows | {name: float(np.median(estimators[name])) for name in DEFAULT_ESTIMATORS}
+    estimators = {name: times for name in ESTIMATORS if len(times := update_times(name, result))}
+    used = rows | {name: float(np.median(estimators[name])) for name in DEFAULT_ESTIMATORS if name in estimators}
     total = sum(used.values())
     print(f"\nOne revolution of {phase.samples:.0f} samples, live, median, microseconds (share of {total:.0f})")
     for name, cost in used.items():
         print(f"{name:>20}{cost:10.0f}{100 * cost / total:6.0f} %")
-    print("\nEvery estimator, microseconds an update over 64 revolutions: median, mean, most")
-    for name, times in estimators.items():
-        print(f"{name:>20}{np.median(times):10.0f}{np.mean(times):10.0f}{np.max(times):12.0f}")
+    print("\nEvery estimator, microseconds an update over 64 revolutions: median, mean, most; - without an estimate")
+    for name in ESTIMATORS:
+        times = estimators.get(name)
+        shown = f"{'-':>10}" if times is None else f"{np.median(times):10.0f}{times.mean():10.0f}{times.max():12.0f}"
+        print(f"{name:>20}{shown}")
 
 
 def update_times(name: str, result: list[Turn]) -> np.ndarray:
-    """Time of each update in turn, in microseconds, what it is given by others not counted."""
+    """Time of each update in turn, in microseconds, without that of others before it; none where none estimates."""
     names = [other for other in ESTIMATORS if other != "forward" or name == "forward"]
     chain: list[Estimator] = [make_estimator(other) for other in names[: names.index(name) + 1]]
-    durations = []
+    durations, is_given = [], False
     for turn in result:
         earlier: dict[str, dict[str, object]] = {}
         for estimator in chain:
@@ -115,7 +111,8 @@ def update_times(name: str, result: list[Turn]) -> np.ndarray:
             elapsed = time.perf_counter() - begin
             earlier[estimator.name] = {estimate.name: estimate for estimate in estimates}
         durations.append(1e6 * elapsed)
-    return np.array(durations)
+        is_given = is_given or any(math.isfinite(estimate.value) for estimate in estimates)
+    return np.array(durations if is_given else [])
 
 
 def print_scipy(turn: Turn) -> None:

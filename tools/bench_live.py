@@ -3,10 +3,9 @@
 Prints three tables:
   * share of one core that `treadlink live serial://...` takes for 4 wheels x 3 axes x 9600 Hz, as lines, with a
     recording and with the screen, fed through a pseudo-terminal by another process in real time, start-up left out;
-  * by `--latency`, that share and the time from the last byte that a result needs, at the pseudo-terminal, to its line
-    on standard output. This is time of the clock: only a quiet machine gives figures to keep;
-  * CPU time of the work on a chunk that completes revolutions, from its bytes to their estimates, in process, at full
-    speed.
+  * by `--latency`, that share and the time from when the last byte that a result needs is due at the pseudo-terminal to
+    its line on standard output. This is time of the clock: only a quiet machine gives figures to keep;
+  * CPU time of the work on a chunk that completes revolutions, from its bytes to their estimates, at full speed.
 
 With `--against GIT_REV` only the first table, of an older version too: both get the same bytes, alternating.
 """
@@ -65,7 +64,7 @@ def cpu_s(pid: int) -> float:
 
 
 Timed = list[tuple[float, bytes]]
-"""Pieces with the time of the monotonic clock at which they were written or read."""
+"""Pieces with the time of the monotonic clock at which they were due or read."""
 
 
 def timed_pieces(uri: str) -> Iterator[tuple[float, bytes]]:
@@ -82,13 +81,20 @@ def hub_pieces(scenario: str, seconds: float) -> Timed:
     return list(timed_pieces(f"sim:{scenario}?speed=max&duration={seconds}"))
 
 
-def feed(master: int, pieces: Iterable[tuple[float, bytes]], stop: threading.Event, written: Timed) -> None:
-    """Write pieces to the pseudo-terminal in real time, and note when each was written."""
-    late_s: float | None = None
-    for due_s, piece in pieces:
-        if late_s is None:
-            late_s = time.monotonic() - due_s
-        if (wait_s := due_s + late_s - time.monotonic()) > 0.0:
+def feed(
+    master: int,
+    pieces: Iterable[tuple[float, bytes]],
+    stop: threading.Event,
+    written: Timed,
+    lags_s: list[float] | None = None,
+) -> None:
+    """Write pieces in real time; note when each was due, for no hub waits as a write does, and its lag behind that."""
+    begin_s: float | None = None
+    for time_s, piece in pieces:
+        if begin_s is None:
+            begin_s = time.monotonic() - time_s
+        due_s = begin_s + time_s
+        if (wait_s := due_s - time.monotonic()) > 0.0:
             stop.wait(wait_s)
         view = memoryview(piece)
         while view:
@@ -98,7 +104,9 @@ def feed(master: int, pieces: Iterable[tuple[float, bytes]], stop: threading.Eve
                 view = view[os.write(master, view) :]
             except OSError:
                 return
-        written.append((time.monotonic(), piece))
+        if lags_s is not None:
+            lags_s.append(time.monotonic() - due_s)
+        written.append((due_s, piece))
 
 
 def measure_process(
@@ -109,8 +117,10 @@ def measure_process(
     screen: bool = False,
     tree: Path = THIS_TREE,
     held: Callable[[int], contextlib.AbstractContextManager[None]] = contextlib.nullcontext,
-) -> tuple[float, str, Timed, Timed]:
+) -> tuple[float, str, Timed, Timed, float]:
     """Return the share of one core of a live session, its last link line, and what was written to it and by it.
+
+    Last comes the largest time, s, by which a piece was written after it was due, warm-up left out.
 
     The modules are those of a tree. `held` is entered with the number of its process after the warm-up and left at the
     end of the measurement.
@@ -132,7 +142,8 @@ def measure_process(
         stop = threading.Event()
         written: Timed = []
         printed: Timed = []
-        feeder = threading.Thread(target=feed, args=(master, pieces, stop, written), daemon=True)
+        lags_s: list[float] = []
+        feeder = threading.Thread(target=feed, args=(master, pieces, stop, written, lags_s), daemon=True)
         reader = threading.Thread(target=read_all, args=(output, printed))
         feeder.start()
         reader.start()
@@ -150,7 +161,8 @@ def measure_process(
         reader.join(5)
     lines = b"".join(piece for _, piece in printed).decode(errors="replace").splitlines()
     link = next((line.strip() for line in reversed(lines) if " frames, " in line), "no link line")
-    return share, link, written, printed
+    late = (lag_s for (due_s, _), lag_s in zip(written, lags_s, strict=False) if due_s > written[0][0] + WARM_UP_S)
+    return share, link, written, printed, max(late, default=0.0)
 
 
 def session_core(scenario: str, latency_s: float, **options: Any) -> SessionCore:
@@ -160,7 +172,7 @@ def session_core(scenario: str, latency_s: float, **options: Any) -> SessionCore
 
 
 def needed(scenario: str, written: Timed) -> dict[tuple[str, int], float]:
-    """Return when the last byte was written that each result needs, by its wheel and the hub's time."""
+    """Return when the last byte was due that each result needs, by its wheel and the hub's time."""
     core = session_core(scenario, 0.0, estimators=("kinematic",))
     return {
         (result.position, round(result.revolution.start_s % _HUB_CLOCK_S / _SAME_S)): time_s
@@ -244,10 +256,9 @@ def print_latencies(scenario: str, seconds: float, *, by_work: bool) -> None:
         return
     print("Line of a revolution after the last byte that it needs (ms, of the clock), by --latency")
     for latency_s in LATENCIES_S:
-        share, link, written, printed = measure_process(scenario, seconds, "--latency", str(latency_s))
-        print_waits(
-            f"--latency {latency_s:<4} {100 * share:4.1f} % of one core", latencies_ms(scenario, written, printed)
-        )
+        share, link, written, printed, _ = measure_process(scenario, seconds, "--latency", str(latency_s))
+        waits = latencies_ms(scenario, written, printed)
+        print_waits(f"--latency {latency_s:<4} {100 * share:4.1f} % of one core", waits)
         print(f"    {link}")
 
 
@@ -326,7 +337,7 @@ def main() -> None:
         print_against(arguments.against, arguments.scenario, arguments.seconds, arguments.rounds)
         return
     for kind, options in KINDS.items() if not (arguments.work or arguments.latency) else ():
-        share, link, _, _ = measure_process(arguments.scenario, arguments.seconds, **options)
+        share, link, *_ = measure_process(arguments.scenario, arguments.seconds, **options)
         print(f"  {kind:22} {100 * share:4.1f} % of one core   {link}")
     print_latencies(arguments.scenario, arguments.seconds, by_work=arguments.work)
     if arguments.latency:

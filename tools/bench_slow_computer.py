@@ -3,7 +3,7 @@
 `treadlink live` reads the simulated hub of the demo car in real time from a pseudo-terminal. After the warm-up it has
 one processor, and a control group holds it to a share of that; the simulator runs outside. At the end of the
 measurement it has the whole machine again and prints what waits. A line is late by the time since the last byte that
-its result needs.
+its result needs was due.
 
 Run as root: `python -m tools.bench_slow_computer`
 """
@@ -79,19 +79,16 @@ def _run_on(pid: int, processors: set[int]) -> None:
         os.sched_setaffinity(int(thread.name), processors)
 
 
-def print_session(wheels: int, rate_hz: int, share: float, seconds: float, options: tuple[str, ...] = ()) -> None:
+def print_session(wheels: int, rate_hz: int, share: float, seconds: float, options: tuple[str, ...]) -> None:
     """Print what a session with this share of a core took, lost and said."""
     with tempfile.TemporaryDirectory() as folder:
         scenario = Path(folder, "car.toml")
         scenario.write_text(scenario_of(wheels, rate_hz))
         uri = str(scenario)
-        took, link, written, printed = measure_process(uri, seconds, *options, held=partial(held_to, share))
+        took, link, written, printed, lag_s = measure_process(uri, seconds, *options, held=partial(held_to, share))
         late_s = 1e-3 * latencies_ms(uri, written, printed)
-    print(
-        f"{wheels} x {rate_hz} Hz, share {100 * share:.0f} % {' '.join(options)}".rstrip()
-        + f": took {100 * took:.1f} % of a core"
-    )
-    print(f"  {link}")
+    print(f"{wheels} x {rate_hz} Hz, share {100 * share:.0f} % {' '.join(options)}: took {100 * took:.1f} % of a core")
+    print(f"  {link}; bytes waited for up to {lag_s:.3f} s before it, which a UART's buffer must hold")
     if late_s.size:
         print(f"  {late_s.size} lines, late by {np.median(late_s):.2f} s at the median, {late_s.max():.2f} s at most")
     else:

@@ -2,6 +2,9 @@
 
 import errno
 import json
+import re
+import subprocess
+import sys
 from pathlib import Path
 
 import duckdb
@@ -13,7 +16,7 @@ from gateway.fleet import packed_tables
 from gateway.fleet.packed_tables import pack_tables
 from gateway.fleet.recording_estimation import RECORDINGS, REVOLUTIONS
 from tests.testkit.commands import invoked, run
-from tools.bench_campaign import main, pack
+from tools.bench_campaign import estimate, main, pack
 
 
 @pytest.fixture
@@ -95,6 +98,15 @@ def test_benchmark_of_packing_counts_files_and_asks_both(dataset, tmp_path, capf
     assert before.startswith("  dataset: 6 Parquet files")
     assert after.startswith("  compact: 2 Parquet files")
     assert "mean speed of 2 vehicles" in before
+
+
+def test_benchmark_states_the_memory_of_the_campaign_alone(tmp_path, capfd) -> None:
+    subprocess.run([sys.executable, "-c", "b'x' * (200 << 20)"], check=True)
+    estimate(tmp_path, 0, None)
+    printed = capfd.readouterr().out
+    assert "exit status 2" in printed  # no campaign without a worker: it ends at once
+    (peak_mb,) = re.findall(r"worker (\d+) MB", printed)
+    assert 0 < int(peak_mb) < 200
 
 
 @pytest.mark.slow

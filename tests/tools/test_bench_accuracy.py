@@ -99,6 +99,18 @@ def test_tables_show_every_estimator_with_results(base: Outcome) -> None:
     assert not list(grid_tables([base], NAMES))
 
 
+def test_tables_of_the_grid_count_the_conditions_with_a_value() -> None:
+    key, given, none = ("kinematic", "speed_mps"), Sample([0.1, 0.2, 0.3], [0.1] * 3), Sample()
+    outcomes = [
+        Outcome(case, {key: clean}, {key: single}, {key: long}, {"speed_mps": 0.1})
+        for case, clean, single, long in zip(
+            grid_cases(), [given] * 27, [none, *[given] * 26], [none, none, *[given] * 25], strict=True
+        )
+    ]
+    cells = [table.rows[0][1] for table in grid_tables(outcomes, NAMES)]
+    assert [cell.partition(" [")[2] for cell in cells] == ["", "26 of 27]", "25 of 27]"]
+
+
 def test_grid_matches_paper_and_variants_differ() -> None:
     assert len(list(grid_cases())) == 27
     cases = all_cases()

@@ -8,7 +8,9 @@ import pyarrow as pa
 import pytest
 from pyarrow import parquet
 
-from tools.reliability.kill_sweep import Forked, first_difference, sweep
+from gateway.core.links.source import Chunk
+from gateway.core.recording.writer import RecordingWriter
+from tools.reliability.kill_sweep import Case, Forked, Sweep, first_difference, sweep
 
 needs_library = pytest.mark.skipif(
     sys.platform != "linux" or shutil.which("cc") is None, reason="needs Linux and a C compiler"
@@ -78,3 +80,35 @@ def test_a_difference_names_the_first_cell_or_byte(tmp_path: Path) -> None:
     path.write_bytes(other.read_bytes()[:-9])
     whole = other.stat().st_size
     assert first_difference(path, other).startswith(f"at byte {whole - 9} of {whole - 9} ")
+
+
+class Recorder:
+    """Records two files at each run, the first with the later name; at a kill or a run after it, fewer bytes."""
+
+    calls, last = 1, "fsync"
+
+    def __init__(self, killed: int, again: int) -> None:
+        self.sizes = [6, 6, killed, again, killed, again]  # two undisturbed, SIGKILL, SIGTERM
+        self.output = Path()
+
+    def run(self, _arguments: object, folder: Path, **_how: object) -> int:
+        names, size = (f"{10 + len(self.sizes)}.mcap", f"{len(self.sizes)}.mcap"), self.sizes.pop(0)
+        (folder / "new").mkdir(exist_ok=True)
+        for number, (name, data) in enumerate(zip(names, (b"abc"[:size], b"def"[: max(size - 3, 0)]), strict=True)):
+            writer = RecordingWriter(folder / "new" / name, start_ns=0, vehicle_toml="", sources=["sim"])
+            writer.write(Chunk("sim", 1 + number, data))
+            writer.close()
+        self.output = folder.parent / "output"
+        self.output.touch()
+        return 0
+
+
+@pytest.mark.parametrize(
+    ("killed", "again", "faults"), [(4, 6, []), (4, 5, ["the second run has not recorded all that came"])]
+)
+def test_a_second_run_records_all_that_came(tmp_path: Path, killed: int, again: int, faults: list[str]) -> None:
+    (tmp_path / "inputs").mkdir()
+    recorder = Recorder(killed, again)
+    case = Case("record", "record", is_recording=True)
+    swept = Sweep(case, tmp_path / "inputs", tmp_path / "case", recorder).run()  # type: ignore[arg-type]
+    assert swept.faults == [f"after {by} at fsync: {fault}" for by in ("SIGKILL", "SIGTERM") for fault in faults]

@@ -56,27 +56,25 @@ def grid_tables(outcomes: Sequence[Outcome], estimators: Sequence[str]) -> Itera
     if not grid:
         return
 
-    def over(name: str, quantity: str, value: Callable[[Outcome], float]) -> list[float]:
-        key = (name, quantity)
+    def over(key: tuple[str, str], value: Callable[[Outcome], float]) -> list[float]:
         return [value(o) for o in grid if key in o.clean and math.isfinite(value(o))]
+
+    def of_all(values: list[float]) -> str:
+        return "" if len(values) == len(grid) else f" [{len(values)} of {len(grid)}]"
 
     bias, spread, long = [], [], []
     for name in estimators:
         biases, ratios, lasting = [name], [name], [name]
         for quantity in QUANTITIES:
             key = (name, quantity)
-            clean = over(name, quantity, lambda o, key=key: o.clean[key].bias)
-            biases.append(f"{percent(_rms(clean))} / {percent(_largest(clean))}" if clean else "-")
-            single = over(name, quantity, lambda o, key=key: o.single[key].std if key in o.single else math.nan)
-            times = over(
-                name,
-                quantity,
-                lambda o, key=key, q=quantity: o.single[key].std / o.bound[q] if key in o.single else math.nan,
-            )
-            ratios.append(f"{percent(_rms(single))} ({_median(times):.2g}x)" if single else "-")
-            late = over(name, quantity, lambda o, key=key: o.long[key].rms if key in o.long else math.nan)
-            worth = over(name, quantity, lambda o, key=key: o.long[key].worth if key in o.long else math.nan)
-            lasting.append(f"{percent(_rms(late))} ({_rms(worth):.2g})" if late else "-")
+            clean = over(key, lambda o, key=key: o.clean[key].bias)
+            biases.append(f"{percent(_rms(clean))} / {percent(_largest(clean))}{of_all(clean)}" if clean else "-")
+            single = over(key, lambda o, key=key: o.single[key].std if key in o.single else math.nan)
+            times = over(key, lambda o, key=key: o.single[key].std / o.bound[key[1]] if key in o.single else math.nan)
+            ratios.append(f"{percent(_rms(single))} ({_median(times):.2g}x){of_all(single)}" if single else "-")
+            late = over(key, lambda o, key=key: o.long[key].rms if key in o.long else math.nan)
+            worth = over(key, lambda o, key=key: o.long[key].worth if key in o.long else math.nan)
+            lasting.append(f"{percent(_rms(late))} ({_rms(worth):.2g}){of_all(late)}" if late else "-")
         for rows, row in ((bias, biases), (spread, ratios), (long, lasting)):
             if any(cell != "-" for cell in row[1:]):
                 rows.append(tuple(row))
