@@ -230,9 +230,9 @@ class LinkSnapshot:
         skipped: frames of unknown type or newer version, and those whose content violates the protocol.
         latency_s: delay of the newest samples against the fastest seen; None before time is known and in silence.
         queue_dropped: items that a stage could not take, by stage name.
-        battery_percent: of the hub, None when unknown.
-        rssi_dbm: of the hub's sensor link, else of the link itself when it was connected; None when unknown.
-        supply_w: of the hub, None when unknown.
+        battery_percent: the lowest of its hubs, None when unknown.
+        rssi_dbm: the lowest of its hubs' sensor links, else that of the link when it was connected; None when unknown.
+        supply_w: of its hubs together, None when unknown.
         judged: frames by what the check of their signatures found; empty when signatures do not matter.
         silent_s: time since the last frame when the link is down, or every hub on it or the vehicle's bus is silent,
             else None.

@@ -45,6 +45,7 @@ class WheelSetup:
         sensor: what is stated about the sensor.
         tire: the new tire's reference numbers, thickness, calibrations and laminate.
         correction: known effects to subtract from the axes; None for none.
+        assumed_errors: quantities whose standard error is not stated and has its default, by their names in a budget.
         rules: of doubt that apply; all, but in a study of what one of them brings.
     """
 
@@ -62,4 +63,5 @@ class WheelSetup:
     sensor: SensorClaims = field(default_factory=SensorClaims)
     tire: TireData = field(default_factory=TireData)
     correction: CorrectionTable | None = None
+    assumed_errors: frozenset[str] = frozenset()
     rules: frozenset[DoubtRule] = EVERY_RULE

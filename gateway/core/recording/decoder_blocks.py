@@ -14,6 +14,8 @@ from gateway.core.links.source import Chunk
 # A wheel's revolutions in a block are worked on together: 80 of a car's at 100 km/h.
 _BLOCK_BYTES: Final = 1 << 21
 _BLOCK_CHUNKS: Final = 1 << 16
+# Of several links, none may run further ahead of the others: alarms and pairs of wheels compare their times.
+_WINDOW_NS: Final = 1_000_000_000
 
 
 class LinkBlocks:
@@ -85,6 +87,7 @@ class DecodedLinks:
         """Start before the first byte of each link; `gates` verifies every frame first, None to verify none."""
         self._gates = gates
         self._links: dict[str, LinkBlocks] = {}
+        self._window_ns = 0
 
     @property
     def counters(self) -> dict[str, LinkCounters]:
@@ -92,11 +95,14 @@ class DecodedLinks:
         return {name: blocks.counters for name, blocks in self._links.items()}
 
     def add(self, chunk: Chunk) -> Iterator[tuple[str, FrameBatch, NDArray[np.int64]]]:
-        """Add a chunk; yield link, frames and arrival times of a block that is full. Batches as for `LinkBlocks`."""
+        """Add a chunk; yield link, frames and arrival times of blocks that are full. Batches as for `LinkBlocks`."""
         blocks = self._links.get(chunk.link)
         if blocks is None:
             gate = self._gates.gate(chunk.link) if self._gates is not None else None
             blocks = self._links[chunk.link] = LinkBlocks(chunk.link, gate)
+        if len(self._links) > 1 and not 0 <= chunk.host_ns - self._window_ns < _WINDOW_NS:
+            self._window_ns = chunk.host_ns
+            yield from self.waiting()
         for batch, arrivals_ns in blocks.add(chunk):
             yield chunk.link, batch, arrivals_ns
 

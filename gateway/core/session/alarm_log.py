@@ -126,7 +126,8 @@ class AlarmLog:
         present_keys: set[AlarmKey] = set()
         for alarm in present:
             key = alarm.position, alarm.name
-            if covers(key):
+            # Of several reasons of one alarm the first counts.
+            if covers(key) and key not in present_keys:
                 present_keys.add(key)
                 notices += self._raise_or_remind(key, alarm, at_s)
         standing = [key for key, entry in self._entries.items() if entry.is_standing]

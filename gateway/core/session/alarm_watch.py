@@ -30,6 +30,7 @@ from gateway.core.session.alarms import (
     THRESHOLDS,
     AlarmKey,
     AlarmName,
+    HubNames,
     alarms,
     has_wheel_limits,
     present_values,
@@ -52,6 +53,8 @@ REVIEW_INTERVAL_NS: Final = 100_000_000
 # A link that was never open, or that has ended as it should, is no alarm in the history.
 _NORMAL_DOWN: Final = frozenset({SessionCode.LINK_NOT_OPEN, LinkCode.LINK_ENDED})
 _BUS_SLOT_NS: Final = 50_000_000
+# Frames of one link of a recording may be taken so long before those of another: a window of its decoders.
+_LINKS_APART_NS: Final = 1_000_000_000
 _STREAM_ALARMS: Final = frozenset({*SILENCES, AlarmName.LINK})
 _MEASURED_ALARMS: Final = _STREAM_ALARMS | THRESHOLDS
 
@@ -83,6 +86,9 @@ class AlarmWatch(ABC):
         self._watches = wheel_watches(vehicle)
         self._pipeline = pipeline
         self._review_due_ns: dict[str, int] = {}
+        self._hub_names: HubNames = {}
+        # Link that was brought to a time last.
+        self._brought = ""
 
     @abstractmethod
     def review(self) -> list[Notice]:
@@ -91,6 +97,7 @@ class AlarmWatch(ABC):
     def advance(self, link: str, now_ns: int) -> list[Notice]:
         """Bring a link to a time before its next frame is taken; return new notices."""
         notices: list[Notice] = []
+        self._brought = link
         for _ in self.silence.changes(link, now_ns):
             notices += self.review()
         review_due_ns = self._review_due_ns.get(link, 0)
@@ -140,11 +147,12 @@ class AlarmWatch(ABC):
 
     def _silent(self, wheels: Iterable[WheelSnapshot], several_links: bool) -> tuple[Alarm, ...]:
         hubs, vehicles = self.silence.silent_hubs(), self.silence.silent_vehicles()
-        return silent_alarms(wheels, hubs, vehicles, several_links=several_links)
+        return silent_alarms(wheels, hubs, vehicles, self._hub_names, several_links=several_links)
 
     def _update(
         self,
         present: Iterable[Alarm],
+        at_s: float,
         wheels: Sequence[WheelSnapshot],
         *,
         several_links: bool,
@@ -156,9 +164,10 @@ class AlarmWatch(ABC):
             wheels,
             self.silence.silent_hubs(of_down_links=True),
             self.silence.silent_vehicles(of_down_links=True),
+            self._hub_names,
             several_links=several_links,
         )
-        return self.log.update(present, self.silence.elapsed_s(), hidden=hidden, values=values, covers=covers)
+        return self.log.update(present, at_s, hidden=hidden, values=values, covers=covers)
 
 
 class SessionAlarms(AlarmWatch):
@@ -181,6 +190,7 @@ class SessionAlarms(AlarmWatch):
                 watch.take(wheel, self.silence.elapsed_s(), is_current=wheel.has_current_environment)
         return self._update(
             [alarm for alarm in self.alarms(wheels, links) if not _is_normal(alarm)],
+            self.silence.elapsed_s(),
             wheels,
             several_links=len(links) > 1,
             values=lambda: present_values(wheels, links, self.thresholds),
@@ -213,16 +223,20 @@ class RecordingAlarms(AlarmWatch):
         self._old: set[str] = set()
         # Arrivals of the vehicle's data that are later than the frames of hubs taken so far.
         self._arrivals: dict[str, deque[tuple[int, frozenset[VehiclePart]]]] = {}
+        # Links of hubs that have ended as they should.
+        self._ended: set[str] = set()
 
     def event(self, event: LinkEvent) -> None:
         """Take a change of a link, or a pause of the computer that recorded, after the frames before it."""
         if event.pause_ns is not None:
-            for link in self.silence.links():
+            for link in self._going_on():
                 self.pause(link, event.pause_ns, event.host_ns)
         elif event.kind is LinkEventKind.ENDED:
             # A recording may end long after the last frame: that is no silence.
             self.advance(event.link, min(event.host_ns, self.silence.newest_ns()))
+            self._ended |= {event.link} - self._arrivals.keys()
         elif event.is_of_link:
+            self._ended.discard(event.link)
             self.link_event(event)
             self.review()
 
@@ -242,6 +256,7 @@ class RecordingAlarms(AlarmWatch):
 
     def frames(self, link: str, block: FrameBlock, arrivals_ns: NDArray[np.int64]) -> list[Notice]:
         """Take frames before their results."""
+        self._ended.discard(link)
         notices = [*super().frames(link, block, arrivals_ns), *self.review()]
         self._wheels.clear()
         return notices
@@ -254,7 +269,16 @@ class RecordingAlarms(AlarmWatch):
                 super().advance(vehicle_link, host_ns)
                 self.silence.vehicle(vehicle_link, parts, host_ns)
             super().advance(vehicle_link, now_ns)
+        # A link that is silent has no frames that bring it forward.
+        for other in self._going_on():
+            if other != link and other not in self._arrivals:
+                self._brought = other
+                for _ in self.silence.changes(other, now_ns - _LINKS_APART_NS):
+                    self.review()
         return super().advance(link, now_ns)
+
+    def _going_on(self) -> list[str]:
+        return [link for link in self.silence.links() if link not in self._ended]
 
     def results(self, compared: Iterable[tuple[RevolutionResult, bool]]) -> list[RevolutionResult]:
         """Take the results of a block; return them with alarms and the silence before them, then take faults."""
@@ -310,13 +334,13 @@ class RecordingAlarms(AlarmWatch):
         wheels = self._pipeline.wheels()
         flags = [Alarm(wheel.position, flag.name, flag.reason) for wheel in wheels for flag in wheel.flags]
         flags += self._witnesses()
-        self.log.update(flags, self.silence.elapsed_s(), covers=lambda key: key[1] not in _MEASURED_ALARMS)
+        self.log.update(flags, self.silence.link_s(self._brought), covers=lambda key: key[1] not in _MEASURED_ALARMS)
 
     def finish(self) -> tuple[AlarmRecord, ...]:
         """Return the history of every alarm, with the silences that last to the end of the recording."""
         waiting_ns = [arrivals[-1][0] for arrivals in self._arrivals.values() if arrivals]
         end_ns = max([self.silence.newest_ns(), *waiting_ns])
-        for link in self.silence.links():
+        for link in self._going_on():
             self.advance(link, end_ns)
         self.review()
         self._take_faults()
@@ -330,7 +354,11 @@ class RecordingAlarms(AlarmWatch):
         # Those of receivers beside the hubs change with a result.
         outside = {(position, AlarmName.ENVIRONMENT) for position in self._old}
         return self._update(
-            present, wheels, several_links=several, covers=lambda key: key[1] in _STREAM_ALARMS and key not in outside
+            present,
+            self.silence.link_s(self._brought),
+            wheels,
+            several_links=several,
+            covers=lambda key: key[1] in _STREAM_ALARMS and key not in outside,
         )
 
     def _link_alarms(self) -> Iterator[Alarm]:

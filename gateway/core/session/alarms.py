@@ -31,6 +31,9 @@ _Of = TypeVar("_Of")
 AlarmKey = tuple[str, str]
 """Position and name of an alarm."""
 
+HubNames = dict[tuple[str, int], str]
+"""Names that hubs have in alarms, by link and number: each keeps its first, whatever links come after it."""
+
 NONE_STANDING: Final[Mapping[AlarmKey, Code]] = MappingProxyType({})
 _SPEED: Final = "speed_mps"
 # Share of the limit by which a value must return before its alarm is over.
@@ -102,6 +105,7 @@ def silent_alarms(
     wheels: Iterable[WheelSnapshot],
     silent_hubs: Iterable[SilentHub],
     silent_vehicles: Iterable[SilentVehicle],
+    names: HubNames,
     *,
     several_links: bool,
 ) -> tuple[Alarm, ...]:
@@ -111,15 +115,18 @@ def silent_alarms(
         wheels: with their silences.
         silent_hubs: hubs that send no frame.
         silent_vehicles: vehicle buses and receivers that are silent, and receivers without a position.
-        several_links: whether hubs are named with their links.
+        names: of hubs; new ones are added.
+        several_links: whether new names have the links too.
     """
-    return (*_hub_alarms(silent_hubs, several_links), *_wheel_silences(wheels), *_vehicle_alarms(silent_vehicles))
+    of_hubs = _hub_alarms(silent_hubs, names, several_links)
+    return (*of_hubs, *_wheel_silences(wheels), *_vehicle_alarms(silent_vehicles))
 
 
-def _hub_alarms(silent_hubs: Iterable[SilentHub], several_links: bool) -> Iterator[Alarm]:
+def _hub_alarms(silent_hubs: Iterable[SilentHub], names: HubNames, several_links: bool) -> Iterator[Alarm]:
     """Yield the alarm of each silent hub; hubs of different links may have the same number."""
     for silent in silent_hubs:
-        name = hub_name(silent.hub) + (f" on {silent.link}" if several_links else "")
+        new_name = hub_name(silent.hub) + (f" on {silent.link}" if several_links else "")
+        name = names.setdefault((silent.link, silent.hub), new_name)
         reason = Reason(SessionCode.HUB_SILENT, silence_s=silent.age_s, wheels=silent.positions)
         yield Alarm(name, AlarmName.SILENT, reason)
 
@@ -173,14 +180,15 @@ def disk_alarm(room: DiskRoom | None, standing: Mapping[AlarmKey, Code] = NONE_S
 
 def superseded(
     wheels: Iterable[WheelSnapshot],
-    hubs_of_down_links: Iterable[SilentHub] = (),
-    vehicles_of_down_links: Iterable[SilentVehicle] = (),
+    hubs_of_down_links: Iterable[SilentHub],
+    vehicles_of_down_links: Iterable[SilentVehicle],
+    names: HubNames,
     *,
-    several_links: bool = False,
+    several_links: bool,
 ) -> frozenset[AlarmKey]:
     """Return the alarms that a wider silence hides: nothing new is known of them, so they are not over."""
     hubs = tuple(hubs_of_down_links)
-    wide_alarms = (*_hub_alarms(hubs, several_links), *_vehicle_alarms(vehicles_of_down_links))
+    wide_alarms = (*_hub_alarms(hubs, names, several_links), *_vehicle_alarms(vehicles_of_down_links))
     hidden = {(alarm.position, alarm.name) for alarm in wide_alarms}
     hidden |= {(position, name) for hub in hubs for position in hub.positions for name in SILENCES}
     for wheel in wheels:

@@ -81,7 +81,7 @@ class _Link:
     vehicle_frames: int | None = None
     newest_ns: int = 0
     loss: RecentLoss = field(default_factory=RecentLoss)
-    status: HubStatus | None = None
+    statuses: dict[int, HubStatus] = field(default_factory=dict)
     waiting: list[Frame] = field(default_factory=list)
     arrivals_ns: list[int] = field(default_factory=list)
     connected_rssi_dbm: int | None = None
@@ -337,7 +337,7 @@ class SessionCore:
         if isinstance(message, Hello):
             self._report(name, state.health.hello(frame, host_ns), host_ns)
         elif isinstance(message, HubStatus):
-            state.status = message
+            state.statuses[frame.hub] = message
         else:
             hub = hub_name(frame.hub) if len(self._links) == 1 else f"{name}, {hub_name(frame.hub)}"
             for notice in state.hub_log.take(hub, message, host_ns):
@@ -473,8 +473,11 @@ class SessionCore:
             yield Alarm(name, AlarmName.STOPPED, reason)
 
     def _link_snapshot(self, name: str, link: _Link) -> LinkSnapshot:
-        counters, status = link.decoder.counters, link.status
-        rssi_dbm = status.rssi_dbm if status is not None else None
+        counters, speaking = link.decoder.counters, self._alarms.silence.speaking_hubs(name)
+        # What a hub that is gone has said last must not stand for ever.
+        statuses = [status for hub, status in link.statuses.items() if hub in speaking] or [*link.statuses.values()]
+        batteries = [status.battery_percent for status in statuses if status.battery_percent is not None]
+        rssis_dbm = [status.rssi_dbm for status in statuses if status.rssi_dbm is not None]
         return LinkSnapshot(
             link=name,
             connected=link.connected,
@@ -487,11 +490,11 @@ class SessionCore:
             duplicates=counters.duplicates,
             reordered=counters.reordered,
             skipped=counters.skipped + counters.bad_payload,
-            latency_s=self._pipeline.latency_s(name, self._alarms.silence.speaking_hubs(name)),
+            latency_s=self._pipeline.latency_s(name, speaking),
             queue_dropped={str(stage): count for stage, count in link.queue_dropped.items()},
-            battery_percent=status.battery_percent if status is not None else None,
-            rssi_dbm=rssi_dbm if rssi_dbm is not None else link.connected_rssi_dbm,
-            supply_w=status.supply_w if status is not None else None,
+            battery_percent=min(batteries, default=None),
+            rssi_dbm=min(rssis_dbm, default=link.connected_rssi_dbm),
+            supply_w=sum(status.supply_w for status in statuses) if statuses else None,
             judged=self._watch.counts(name),
             silent_s=self._alarms.silence.silent_s(name),
             recent_loss=link.loss.share(link.newest_ns, counters.frames, counters.lost),

@@ -23,7 +23,10 @@ class RecentLoss:
             frames: received so far.
             lost: missing so far; frames that come late reduce it.
         """
-        if not self._counts:
+        if self._counts and now_ns < self._counts[-1][0] - _WINDOW_NS:
+            self._counts.clear()
+            self._counts.append((now_ns, frames, lost))
+        elif not self._counts:
             self._counts.append((now_ns, 0, 0))
         elif now_ns - self._counts[-1][0] >= _STEP_NS:
             self._counts.append((now_ns, frames, lost))

@@ -273,6 +273,7 @@ class _Link:
     Attributes:
         begin_ns: time of the first item.
         now_ns: time up to which the link is known.
+        later_ns: time from the first item of any link to its own.
         down: why the link is down, None while it is open.
         opened_ns: time at which it was opened last.
         hubs: hubs heard on it.
@@ -283,6 +284,7 @@ class _Link:
 
     begin_ns: int
     now_ns: int
+    later_ns: int = 0
     down: Reason | None = None
     opened_ns: int = 0
     hubs: dict[int, _Hub] = field(default_factory=dict)
@@ -451,6 +453,11 @@ class SilenceWatch:
         """Return the time from the first item to `host_ns`."""
         return (host_ns - min((link.begin_ns for link in self._links.values()), default=host_ns)) / _S
 
+    def link_s(self, name: str) -> float:
+        """Return the time from the first item of any link up to which one is known, 0 before its first."""
+        link = self._links.get(name)
+        return (link.now_ns - link.begin_ns + link.later_ns) / _S if link is not None else 0.0
+
     def ended_before_s(self, position: str, host_ns: int) -> float:
         """Return how long samples of a wheel were missing in silences that ended before `host_ns`, each time once."""
         silent_ns = 0
@@ -539,7 +546,8 @@ class SilenceWatch:
     def _link(self, name: str, host_ns: int) -> _Link:
         link = self._links.get(name)
         if link is None:
-            link = self._links[name] = _Link(host_ns, host_ns)
+            later_ns = host_ns - min((other.begin_ns for other in self._links.values()), default=host_ns)
+            link = self._links[name] = _Link(host_ns, host_ns, later_ns)
         return link
 
     def _brought(self, name: str, host_ns: int) -> _Link:

@@ -67,11 +67,14 @@ def configured_tire(vehicle: VehicleConfig | None, position: str) -> Tire | None
 
 
 def wheel_address(vehicle: VehicleConfig | None, position: str) -> tuple[int, int] | None:
-    """Return hub and number of a wheel; one that is not configured has a position such as `hub0.wheel2`."""
+    """Return hub and number of a wheel; one that is not configured has a position such as `hub0.wheel2`.
+
+    It is None for one that another link has too, as `hub0.wheel2 on b`.
+    """
     wheel = configured(vehicle, position)
     if wheel is not None:
         return wheel.hub, wheel.wheel
-    match = re.match(r"hub(\d+)\.wheel(\d+)", position)
+    match = re.fullmatch(r"hub(\d+)\.wheel(\d+)", position)
     return (int(match[1]), int(match[2])) if match else None
 
 
@@ -81,16 +84,20 @@ class SensorsHeard:
     def __init__(self, vehicle: VehicleConfig | None) -> None:
         """Start without a frame; `vehicle` has the configured wheels."""
         self._vehicle = vehicle
+        # A wheel has its position on the first link that has it.
+        self._owners: dict[tuple[int, int], str] = {}
         self._sensors: dict[tuple[int, int], set[int]] = {}
         self._with_pressure: set[tuple[int, int]] = set()
 
     def samples(self, link: str, run: SampleRun) -> None:
-        """Take no notice."""
+        """Note the link of the wheel."""
+        self._owners.setdefault((run.hub, run.wheel), link)
 
     def message(self, link: str, frame: Frame) -> None:
         """Take a hello or a pressure reading."""
-        del link
         address, message = (frame.hub, frame.wheel), frame.message
+        if self._owners.setdefault(address, link) != link:
+            return
         if isinstance(message, Hello):
             sensors = self._sensors.setdefault(address, set())
             # A wheel has had few sensors; more are made up, and reported as changes of HELLO.

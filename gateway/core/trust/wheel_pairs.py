@@ -178,8 +178,9 @@ class _Pair:
         for candidate in takewhile(lambda candidate: candidate.middle_ns < turn.middle_ns + turn.half_ns, others):
             if abs(candidate.middle_ns - turn.middle_ns) < min(turn.half_ns, candidate.half_ns):
                 left, right = (turn, candidate) if side == 0 else (candidate, turn)
-                # Their middles are up to half a revolution apart, within which a speed that changes would look like a curve.
-                gain_mps = 0.5e-9 * (right.middle_ns - left.middle_ns) * (left.acceleration_mps2 + right.acceleration_mps2)
+                # Within the half revolution that they may be apart, a speed that changes would look like a curve.
+                acceleration_mps2 = 0.5 * (left.acceleration_mps2 + right.acceleration_mps2)
+                gain_mps = acceleration_mps2 * 1e-9 * (right.middle_ns - left.middle_ns)
                 pair = _RevolutionPair(
                     max(turn.end_ns, candidate.end_ns),
                     turn.direction * candidate.direction,

@@ -130,7 +130,7 @@ def test_silent_wheel_has_no_alarm_of_its_speed() -> None:
     assert [alarm.name for alarm in alarms([wheel], [], limits)] == [AlarmName.SPEED]
     quiet = Silence(SilentPart.HUB, 20.0, Reason(SessionCode.HUB_OF_WHEEL_SILENT, silence_s=20.0))
     assert alarms([replace(wheel, silences=(quiet,))], [], limits) == ()
-    assert ("FL", AlarmName.SPEED) in superseded([replace(wheel, silences=(quiet,))])
+    assert ("FL", AlarmName.SPEED) in superseded([replace(wheel, silences=(quiet,))], [], [], {}, several_links=False)
 
 
 def test_present_values_say_what_is_normal_again() -> None:
@@ -141,11 +141,15 @@ def test_present_values_say_what_is_normal_again() -> None:
 
 def test_hubs_of_several_links_are_told_apart() -> None:
     silent = SilentHub("ble:x", 0, 4.0, ("FL",))
-    (alone,) = silent_alarms([], [silent], [], several_links=False)
-    (among,) = silent_alarms([], [silent], [], several_links=True)
+    names: dict[tuple[str, int], str] = {}
+    (alone,) = silent_alarms([], [silent], [], names, several_links=False)
+    (among,) = silent_alarms([], [silent], [], {}, several_links=True)
     assert (alone.position, among.position) == ("hub 0", "hub 0 on ble:x")
     of_wheel = {("FL", name) for name in SILENCES}
-    assert superseded([], [silent], several_links=True) == {("hub 0 on ble:x", AlarmName.SILENT), *of_wheel}
+    for known, name in (({}, "hub 0 on ble:x"), (names, "hub 0")):
+        assert superseded([], [silent], [], known, several_links=True) == {(name, AlarmName.SILENT), *of_wheel}
+    # A link that appears after the first alarm gives it no other name: it would seem over.
+    assert silent_alarms([], [silent], [], names, several_links=True) == (alone,)
 
 
 def test_unknown_values_and_limits_give_no_alarm() -> None:
@@ -180,6 +184,14 @@ def test_alarm_is_raised_and_over_with_time_and_value() -> None:
     assert (record.count, record.first_s, record.last_s, record.total_s) == (1, 3.0, 5.5, 2.5)
     assert record.reason["value"] == 205e3
     assert not record.is_standing
+
+
+def test_of_several_reasons_of_one_alarm_the_first_counts() -> None:
+    log = AlarmLog()
+    high = Alarm(*KEY, Reason(SessionCode.VALUE_ABOVE_LIMIT, quantity="pressure_pa", value=290e3, limit=260e3))
+    assert len(log.update([low(), high], 0.0)) == 1
+    assert log.update([low(), high], 0.1) == []
+    assert log.records()[0].reason.code is SessionCode.VALUE_BELOW_LIMIT
 
 
 def test_alarm_that_flutters_does_not_flood() -> None:
@@ -359,6 +371,14 @@ def test_a_link_that_becomes_bad_after_a_day_is_told() -> None:
     for second in range(0, 86_400, 10):
         loss.share(second * SECOND_NS, 100 * second, 0)
     assert loss.share(86_401 * SECOND_NS, 8_640_000, 300) > 0.2
+
+
+def test_times_that_are_set_back_begin_another_window() -> None:
+    loss = RecentLoss()
+    for second in range(3600, 3620):
+        loss.share(second * SECOND_NS, 100 * second, 10 * min(second, 3610))
+    shares = [loss.share(second * SECOND_NS, 362_000 + 100 * second, 36_100) for second in range(20)]
+    assert shares == [None, *[0.0] * 19]
 
 
 def test_late_frames_are_no_gain() -> None:

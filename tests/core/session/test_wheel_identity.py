@@ -5,14 +5,16 @@ from pathlib import Path
 import pytest
 from click.testing import Result
 
+from firmware_protocol.decoder import FrameDecoder
 from gateway.core.config.vehicle import parse_vehicle
 from gateway.core.errors import ConfigError, RecordingError
 from gateway.core.reasons import Reason
 from gateway.core.recording.reader import RecordingReader
 from gateway.core.session.reasons import SessionCode
-from gateway.core.session.wheel_identity import misplaced_sensor
+from gateway.core.session.wheel_identity import SensorsHeard, misplaced_sensor
 from gateway.diagnosis.campaign import read_campaign, reading_orders
 from gateway.diagnosis.reasons import DiagnosisCode
+from tests.core.session.hub_frames import HubFrames
 from tests.testkit.campaign_recordings import write_recording
 from tests.testkit.commands import invoked
 
@@ -45,6 +47,24 @@ def test_only_another_sensor_is_misplaced() -> None:
     assert misplaced_sensor("FL", "0000a002", CONFIGURED) == Reason(
         SessionCode.OTHER_SENSOR, how="swapped", sensor="0000a002", owner="FR", position="FL"
     )
+
+
+def test_hub_of_the_same_number_on_another_link_is_not_the_configured_one() -> None:
+    wheel = 'position = "FL"\nhub = 0\nwheel = 0\nsensor_id = "0000a001"'
+    vehicle = parse_vehicle(f"[tire]\nradius_mm = 320.0\n[[wheel]]\n{wheel}\n", "test")
+    heard, hub = SensorsHeard(vehicle), HubFrames()
+    decoder = FrameDecoder()
+    for link, sensor in (("a", 0xA001), ("b", 0xB002), ("a", 0xA001)):
+        hub.hello(sensor_id=sensor)
+        if link == "b":
+            hub.environment()
+        for frame in decoder.feed(b"".join(hub.stream)):
+            heard.message(link, frame)
+        hub.stream.clear()
+    assert heard.at("FL") == {0xA001}
+    assert not heard.measures_pressure("FL")
+    assert heard.at("hub0.wheel0 on b") == frozenset()
+    assert list(heard.mismatches(["FL"])) == []
 
 
 def test_given_configuration_of_another_sensor_is_refused(recording: Path) -> None:
