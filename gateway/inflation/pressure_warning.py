@@ -9,6 +9,7 @@ import math
 from collections import deque
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Final
 
 from gateway.core.config.vehicle import VehicleConfig
@@ -50,11 +51,12 @@ class _WatchedTire:
     placard: Placard
     gauge_pa: float
     coldest_degc: float = math.inf
+    latest_degc: float = -math.inf
     last_s: float | None = None
     driven_s: float = 0.0
     current_at_s: float = 0.0
     low_since_s: float | None = None
-    at_one_temperature_pa: deque[tuple[float, float]] = field(default_factory=deque)
+    at_one_temperature_pa: deque[tuple[float, float, bool]] = field(default_factory=deque)
     low: Reason | None = None
     not_monitored: Reason | None = None
 
@@ -72,22 +74,23 @@ class _WatchedTire:
                 self.not_monitored = Reason(InflationCode.PRESSURE_NOT_MONITORED, cause=cause, driven_s=missing_s)
             return
         self.not_monitored, self.current_at_s = None, self.driven_s
-        if wheel.temperature_degc is not None:
-            self.coldest_degc = min(wheel.temperature_degc, self.coldest_degc)
-        self._judge(wheel, pressure_pa, at_s)
-
-    def _judge(self, wheel: WheelSnapshot, pressure_pa: float, at_s: float) -> None:
         degc = wheel.temperature_degc
+        if degc is not None and degc != self.latest_degc:
+            # One reading may be wrong, and held: of two that follow each other the warmer counts.
+            self.coldest_degc = min(max(degc, self.latest_degc), self.coldest_degc)
+            self.latest_degc = degc
+        self._judge(wheel, degc, pressure_pa, at_s)
+
+    def _judge(self, wheel: WheelSnapshot, degc: float | None, pressure_pa: float, at_s: float) -> None:
         warm_pa = self.placard.warm_pa(wheel.load_n, degc, self.coldest_degc)
         limit_pa = max((1.0 - _DEFICIT_SHARE) * warm_pa, min(_LEAST_PA, _LEAST_OF_WARM * warm_pa)) + self.gauge_pa
         kelvin = ZERO_CELSIUS_K + (_REFERENCE_DEGC if degc is None else degc)
         cold_pa = (pressure_pa + STANDARD_ATMOSPHERE_PA) * (ZERO_CELSIUS_K + _REFERENCE_DEGC) / kelvin
         history = self.at_one_temperature_pa
-        while history and self.driven_s - history[0][0] > _WINDOW_S:
+        while history and self.driven_s - history[0][1] > _WINDOW_S:
             history.popleft()
-        highest_at_s, highest_pa = max(history, key=lambda entry: entry[1], default=(self.driven_s, cold_pa))
-        if not history or self.driven_s - history[-1][0] >= _SPACING_S:
-            history.append((self.driven_s, cold_pa))
+        if not history or self.driven_s - history[-1][1] >= _SPACING_S:
+            history.append((cold_pa, self.driven_s, degc is None))
         if pressure_pa > (limit_pa if self.low is None else _HYSTERESIS * limit_pa):
             self.low_since_s = self.low = None
             return
@@ -95,11 +98,14 @@ class _WatchedTire:
             self.low_since_s = at_s
         if at_s - self.low_since_s < _CONFIRMED_S:
             return
+        # Likewise the lower pressure; one without a temperature is not corrected, and compares with its like.
+        pairs = pairwise(entry for entry in history if entry[2] is (degc is None))
+        highest_pa, highest_at_s, _ = max(map(min, pairs), default=(cold_pa, self.driven_s, False))
         is_fast = highest_pa - cold_pa > _FAST_FALL_SHARE * highest_pa
         course: dict[str, Value] = {
             "course": "fast" if is_fast else "slow",
             "fall_pa": highest_pa - cold_pa,
-            "span_s": self.driven_s - (highest_at_s if is_fast else history[0][0]),
+            "span_s": self.driven_s - (highest_at_s if is_fast else history[0][1]),
         }
         if self.low is not None and self.low["course"] == "fast" and not is_fast:
             # A puncture stays one after the time over which its fall is seen.

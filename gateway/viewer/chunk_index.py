@@ -64,7 +64,7 @@ def chunk_index(path: Path) -> ChunkIndex:
     with open_recording_file(path) as file:
         size = os.fstat(file.fileno()).st_size
         rows = list(_indexed(file, size, channels)) or list(_walked(file, size, channels))
-    valid_rows = [row for row in rows if 0 < row[1] <= _LATEST_NS and row[2] + row[3] <= size]
+    valid_rows = [row for row in rows if row[0] <= row[1] and 0 < row[1] <= _LATEST_NS and row[2] + row[3] <= size]
     begin_ns, end_ns, offset, length = np.array(valid_rows, np.int64).reshape(-1, 4).T
     return ChunkIndex(channels, offset, length, begin_ns, end_ns)
 

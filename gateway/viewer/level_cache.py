@@ -44,7 +44,7 @@ def content_key(path: Path, index: ChunkIndex, setting: str) -> str:
     Args:
         path: the recording.
         index: its chunks.
-        setting: what else decides the result, such as the configuration.
+        setting: what else decides the result, such as configuration and keys.
 
     Raises:
         RecordingError: it cannot be read.

@@ -18,6 +18,7 @@ from gateway.core.errors import RecordingError
 from gateway.core.estimates.results import RevolutionResult
 from gateway.core.recording.reader import RecordingReader
 from gateway.core.session.recording_pass import OpenedRecording, open_recording
+from gateway.core.session.session_parts import default_key_file
 from gateway.core.session.wheel_identity import positions
 from gateway.core.text.wording import text
 from gateway.core.types import FloatArray
@@ -53,6 +54,10 @@ class Progress(NamedTuple):
     stage: str
     share: float
     fault: str = ""
+
+
+class _StoppedError(Exception):
+    """Nobody waits for the recording any more."""
 
 
 class RecordingView:
@@ -125,17 +130,23 @@ class RecordingView:
         Raises:
             TreadlinkError: the recording or what belongs to it cannot be read.
         """
-        vehicle = self._opened.vehicle
-        key = content_key(self.path, self._index, vehicle.to_toml() if vehicle is not None else "")
+        key = content_key(self.path, self._index, self._setting())
         arrays = stored(key)
         if arrays is None or not self._restore(arrays):
-            if not self._read(is_stopped):
+            try:
+                self._read(is_stopped)
+            except _StoppedError:
                 return
             # One that is being written has another content next time.
             if not self._reader.info.in_progress:
                 tables = {f"times {wheel}": table for wheel, table in self._times.tables.items()}
                 store(key, {**self._levels.arrays(), **self.rolled.arrays(), **tables})
         self.progress = Progress(_DONE, 1.0, text(self._reader.damage) if self._reader.damage is not None else "")
+
+    def _setting(self) -> str:
+        vehicle, key_file = self._opened.vehicle, self._opened.key_file or default_key_file()
+        keys = key_file.read_bytes() if self._opened.guard() is not None and key_file.exists() else b""
+        return f"{vehicle and vehicle.to_toml()} {self._opened.signals().dbc_text} {keys.hex()}"
 
     def _restore(self, arrays: Arrays) -> bool:
         levels, rolled = SampleLevels.over(self.span_s), RolledRevolutions(self.span_s)
@@ -150,27 +161,28 @@ class RecordingView:
         self._levels, self.rolled, self._read_s = levels, rolled, math.inf
         return True
 
-    def _read(self, is_stopped: Callable[[], bool]) -> bool:
+    def _read(self, is_stopped: Callable[[], bool]) -> None:
         size = max(self._reader.info.size_bytes, 1)
 
         def watched(stage: str) -> OpenedRecording:
             def show(position: int) -> None:
+                if is_stopped():
+                    raise _StoppedError
                 self.progress = Progress(stage, position / size)
 
-            return replace(self._opened, file=copy(self._reader), on_position=show)
+            # One that is being written is read as far as its bins reach.
+            part = self._part(np.arange(len(self._index.offset))) if self._reader.info.in_progress else self._opened
+            return replace(part, file=copy(part.file), on_position=show)
 
         times = SampleTimes()
         for block in sample_blocks(watched(_READING)):
-            if is_stopped():
-                return False
             time_s = self._since(block.host_time_ns)
             self._levels.add(block.wheel, time_s, block.axes_mps2, block.lost_before)
             times.add(block, time_s)
             self._read_s = max(self._read_s, float(time_s[0]))
         times.finish()
         self._times, self._read_s = times, math.inf
-        self.rolled.read(watched(_ESTIMATING), self.begin_ns, is_stopped)
-        return self.rolled.pictures is not None
+        self.rolled.read(watched(_ESTIMATING), self.begin_ns)
 
     def samples(self, begin_s: float, end_s: float, columns: int) -> dict[str, Envelope]:
         """Return the samples of every wheel from one time to another; single ones of a short part, from the file.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from array import array
-from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
@@ -38,8 +37,8 @@ class RolledRevolutions:
         self._tables: dict[str, FloatArray] = {}
         self._orders: dict[str, OrderWaterfall] = {}
 
-    def read(self, recording: OpenedRecording, origin_ns: int, is_stopped: Callable[[], bool]) -> None:
-        """Estimate a recording whose times count from `origin_ns`; ends without a picture when it is stopped.
+    def read(self, recording: OpenedRecording, origin_ns: int) -> None:
+        """Estimate a recording whose times count from `origin_ns`.
 
         Raises:
             TreadlinkError: the recording or what belongs to it cannot be read.
@@ -47,8 +46,6 @@ class RolledRevolutions:
         drive = Drive.of(recording.file)
         estimation = RecordingPass(recording, DEFAULT_ESTIMATORS, signals=recording.signals(), logs_alarms=False)
         for result in estimation:
-            if is_stopped():
-                return
             drive.add(result)
             time_s, revolution = (result.host_ns - origin_ns) * 1e-9, result.revolution
             rows = self._rows.get(result.position)

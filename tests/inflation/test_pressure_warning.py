@@ -90,6 +90,23 @@ def test_a_single_low_reading_does_not_warn_and_a_refill_ends_the_warning():
         assert [alarm.name for alarm in warning.alarms()] == expected
 
 
+@pytest.mark.parametrize("held_s", [1, 60])
+def test_one_wrong_temperature_does_not_warn(held_s):
+    degc = [20.0] * 100 + [-40.0] * held_s + [20.0] * 100
+    assert watch(Placard(250e3), (wheel(250e3, now) for now in degc)) == []
+
+
+@pytest.mark.parametrize("wrong", [[None] * 20, [-30.0]])
+def test_slow_loss_stays_one_after_readings_with_no_or_a_wrong_temperature(wrong):
+    degc = [60.0] * 1400 + wrong + [60.0] * 1000
+    lost = (0.1 + step / 20_000.0 for step in range(len(degc)))
+    placard = Placard(250e3, temperature_degc=10.0)
+    seen = watch(
+        placard, (wheel(gauge_pa(250.0, 10.0, 60.0, share), now) for share, now in zip(lost, degc, strict=True))
+    )
+    assert [alarm.reason["course"] for _, alarm in seen] == ["slow"]
+
+
 def test_least_pressure_of_the_rule_counts_where_a_fifth_below_is_less():
     placard = Placard(180e3)
     assert watch(placard, [wheel(151e3, 20.0)] * 20)

@@ -18,6 +18,7 @@ from websockets.sync.client import connect
 from gateway.compare.views.drive import Drive
 from gateway.compare.views.drive_pictures import begin_ns
 from gateway.core.errors import RecordingError, TreadlinkError
+from gateway.core.recording import reader
 from gateway.core.recording.reader import RecordingReader
 from gateway.core.session.recording_pass import open_recording
 from gateway.exporting.recorded_signals import SignalBlock, revolutions, sample_blocks
@@ -31,6 +32,7 @@ from gateway.viewer.view_server import ViewServer
 from tests.testkit.campaign_recordings import write_recording
 from tests.testkit.commands import invoked
 from tests.testkit.revolution_data import plain_revolution
+from tests.testkit.vehicle_bus import DBC, MAPPING
 from tests.testkit.waiting import TIMEOUT_S, until
 from tools.browser import Tab
 
@@ -81,12 +83,14 @@ def test_part_has_the_messages_of_its_chunks(recorded) -> None:
     assert all(part.damage is None for part in halves)
 
 
-@pytest.mark.parametrize("stated", [2**61, 2**64 - 1])
-def test_summary_that_points_beyond_the_file_is_left_out(recorded, tmp_path, stated) -> None:
+@pytest.mark.parametrize(("field", "stated"), [(0, 2**61), (0, 2**64 - 1), (-16, 2**63)])
+def test_summary_of_a_place_beyond_the_file_or_an_impossible_time_is_left_out(
+    recorded, tmp_path, field, stated
+) -> None:
     hostile, whole = tmp_path / "hostile.mcap", chunk_index(recorded)
     data = bytearray(recorded.read_bytes())
     at = data.index(int(whole.offset[3]).to_bytes(8, "little") + int(whole.length[3]).to_bytes(8, "little"))
-    data[at : at + 8] = stated.to_bytes(8, "little")
+    data[at + field : at + field + 8] = stated.to_bytes(8, "little")
     hostile.write_bytes(data)
     assert len(chunk_index(hostile).offset) == len(whole.offset) - 1
     assert len(RecordingView(hostile).samples(2.0, 3.0, 100)["W0"].time_s)
@@ -228,6 +232,21 @@ def test_stored_view_is_the_one_that_was_read(view, recorded, monkeypatch) -> No
     assert again.rolled.time_s("W0", 5) == view.rolled.time_s("W0", 5)
 
 
+def test_stored_view_is_that_of_its_keys_and_bus_file(recorded, monkeypatch, tmp_path) -> None:
+    config, keys, bus = tmp_path / "vehicle.toml", tmp_path / "keys", tmp_path / "car.dbc"
+    plain = RecordingReader(recorded).vehicle_toml or ""
+    config.write_text(f'{plain}\n{MAPPING.format(wheel="W0")}\n[security]\npolicy = "require"\n')
+    text, asked = DBC.read_text(), set[str]()
+    monkeypatch.setattr(recording_view, "stored", lambda key: asked.add(key) or {})
+    monkeypatch.setattr(RecordingView, "_restore", lambda *_: True)
+    for number, key, end in ((1, "", ""), (2, "0" * 32, ""), (3, "0" * 32, "\n"), (3, "0" * 32, "\n")):
+        keys.touch(mode=0o600)
+        keys.write_text(f"0000b000 {key}\n" if key else "")
+        bus.write_text(text + end)
+        RecordingView(recorded, config, keys).complete(never)
+        assert len(asked) == number
+
+
 def test_copy_is_known_by_its_content_and_a_damaged_store_is_made_again(view, recorded, folder, tmp_path) -> None:
     copied = tmp_path / "other.mcap"
     copied.write_bytes(recorded.read_bytes())
@@ -255,6 +274,26 @@ def test_cache_that_cannot_be_written_stops_nothing(recorded, folder) -> None:
     view = RecordingView(recorded)
     view.complete(never)
     assert view.rolled.pictures is not None
+
+
+def test_part_that_there_was_is_read_of_a_recording_that_grows(recorded, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(reader, "is_being_written", lambda _: True)
+    data, index, growing = recorded.read_bytes(), chunk_index(recorded), tmp_path / "growing.mcap"
+    growing.write_bytes(data[: index.offset[len(index.offset) // 4]])
+    view, shares = RecordingView(growing), []
+    growing.write_bytes(data)
+    view.complete(lambda: shares.append(view.progress.share))
+    assert view.progress.stage == ""
+    assert 0.5 < max(shares) <= 1.0
+    last_s = max(float(times[2, -1]) for times in view._times.tables.values())
+    assert last_s < view.span_s + 0.1
+
+
+def test_stop_is_answered_where_no_revolution_comes(tmp_path) -> None:
+    standing = write_recording(tmp_path / "standing.mcap", "[motion]\nspeed_kmh = 0.0", duration_s=2.0)
+    view = RecordingView(standing)
+    view.complete(lambda: view.progress.stage == recording_view._ESTIMATING)
+    assert view.progress.stage == recording_view._ESTIMATING
 
 
 def test_recording_is_not_touched(recorded) -> None:
