@@ -257,7 +257,7 @@ RECORDING_HEAD: Final = by_name(
     Column("revolutions_saturated", "of these, revolutions with a sample at the end of the sensor's range", int),
     Column("distance_m", "rolled distance in completed revolutions"),
     Column("rolling_s", "time in completed revolutions"),
-    Column("speed_mean_mps", "distance over time"),
+    Column("speed_mean_mps", "mean speed: distance over time"),
     Column("speed_min_mps", "slowest revolution"),
     Column("speed_max_mps", "fastest revolution"),
     Column("load_n", "vertical load as stated, mean"),

@@ -1,14 +1,16 @@
-"""Entries of the glossary: quantities, effects of a diagnosis, reasons and statuses, from their declarations."""
+"""Entries of the glossary: quantities, effects of a diagnosis, reasons, columns, statuses, from their declarations."""
 
 from __future__ import annotations
 
 import importlib
 import pkgutil
 import re
+from collections import ChainMap
 from collections.abc import Iterator
 from math import isinf
 from typing import Final, NamedTuple
 
+from gateway.core import table_columns as tables
 from gateway.core.estimates.registry import DEFAULT_ESTIMATORS
 from gateway.core.quantity import Basis, Quantity
 from gateway.core.quantity_catalogue import declared, given_by, unit_of
@@ -49,13 +51,18 @@ _STATEMENTS: Final = {
     Basis.HUB: "motion of the hub",
     Basis.SIGN: "side that the lateral axis points to",
 }
+# The first of these tables with a name explains it.
+_COLUMNS: Final = ChainMap(
+    tables.REVOLUTION_COLUMNS, tables.RECORDING_HEAD, tables.RECORDING_TAIL, tables.FAILURE_COLUMNS,
+    tables.DIAGNOSIS_COLUMNS, tables.SAMPLE_COLUMNS, tables.AVERAGE_COLUMNS,
+)  # fmt: skip
 
 
 class Entry(NamedTuple):
     """A word and what it means.
 
     Attributes:
-        kind: `quantity`, `effect`, `reason`, `status` or `term`.
+        kind: `quantity`, `effect`, `reason`, `status`, `column` or `term`.
         word: as the program writes it.
         names: what a user may call it; the first is its name in files.
         lines: label and text of each thing that is known of it; the first has no label.
@@ -68,7 +75,7 @@ class Entry(NamedTuple):
 
 
 def entries() -> Iterator[Entry]:
-    """Yield every entry: statuses, terms, quantities, effects, reasons."""
+    """Yield every entry: statuses, terms, quantities, effects, columns, reasons."""
     for kind, meanings in (("status", _STATUSES), ("term", _TERMS)):
         yield from (Entry(kind, word, (word,), (("", meaning),)) for word, meaning in meanings.items())
     by_default = given_by(DEFAULT_ESTIMATORS)
@@ -76,6 +83,7 @@ def entries() -> Iterator[Entry]:
         yield _of_quantity(quantity, is_default=quantity.name in by_default)
     for effect in catalogue().values():
         yield _of_effect(effect)
+    yield from (Entry("column", name, (name,), (("", column.description),)) for name, column in _COLUMNS.items())
     for code in reason_codes():
         kinds = ((f"{name} {kind}", text) for name, texts in code.words.items() for kind, text in texts.items())
         lines = tuple((label, _with_placeholders(text)) for label, text in (("", code.text_template), *kinds) if text)
@@ -92,11 +100,12 @@ def reason_codes() -> list[Code]:
 
 
 def matching(word: str) -> list[Entry]:
-    """Return the entries of that name, else those whose name contains it."""
+    """Return the entries of that name, else those whose name contains it, else those with it in their text."""
     plain_word = _plain(word)
     everything = list(entries())
     exact = [entry for entry in everything if plain_word in map(_plain, entry.names)]
-    return exact or [entry for entry in everything if any(plain_word in _plain(name) for name in entry.names)]
+    named = exact or [entry for entry in everything if any(plain_word in _plain(name) for name in entry.names)]
+    return named or [entry for entry in everything if any(plain_word in _plain(text) for _, text in entry.lines)]
 
 
 def _plain(name: str) -> str:
@@ -115,10 +124,10 @@ def _of_quantity(quantity: Quantity, *, is_default: bool) -> Entry:
         ("equation", quantity.equation),
         ("positive", quantity.sign),
         ("possible", limits),
-        ("error contains those of", ", ".join(named)),
+        ("rests on", ", ".join(named)),
         ("given by", "estimators that run by default" if is_default else "an estimator to choose with --estimator"),
     )
-    names = (quantity.name, label, *((quantity.live_label,) if quantity.live_label else ()), quantity.entity)
+    names = (quantity.name, label, quantity.live_label or "", quantity.plain, quantity.entity)
     return Entry("quantity", label, tuple(name for name in names if name), tuple(line for line in lines if line[1]))
 
 

@@ -163,11 +163,13 @@ class Promise:
         source: the statement.
         stated: its present error.
         std: standard error of the quantity with `source.better`.
+        is_assumed: whether nobody stated the present error.
     """
 
     source: Source
     stated: float
     std: float
+    is_assumed: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,7 +217,7 @@ class Budget:
         source = promise.source
         factor = 100.0 if source.is_relative else 1.0
         return self._sentence(
-            PlannerCode.STATE_MISSING if source.is_assumed else PlannerCode.STATE_BETTER,
+            PlannerCode.STATE_MISSING if promise.is_assumed else PlannerCode.STATE_BETTER,
             source.name,
             of=" %" if source.is_relative else f" {source.unit}",
             how=source.how,
@@ -299,7 +301,9 @@ def budgets(setup: WheelSetup, results: Sequence[RevolutionResult]) -> list[Budg
                 improved[largest.name] = _latest(largest.with_error(setup, largest.better), results, estimators)
             gain = scale * _part(repeated, improved[largest.name].get(name))
             if gain > 0.0:
-                promise = Promise(largest, errors[largest], math.sqrt(max(estimate.std**2 - gain**2, 0.0)))
+                is_assumed = largest.is_assumed or largest.name in setup.assumed_errors
+                std = math.sqrt(max(estimate.std**2 - gain**2, 0.0))
+                promise = Promise(largest, errors[largest], std, is_assumed)
         residual, by_name = math.sqrt(max(estimate.std**2 - explained**2, 0.0)), {key.name: parts[key] for key in parts}
         result.append(Budget(estimate, by_name, estimate.scatter_std, residual, promise))
     return result

@@ -185,15 +185,16 @@ def test_errors_name_the_statement_to_make_better(tmp_path: Path) -> None:
     errors = {check.text.partition(" ±")[0]: check for check in checks.check_errors(path)}
     assert {check.name for check in errors.values()} == {"errors of FL"}
     assert {check.level for check in errors.values()} == {Level.OK}
-    assert ", is the belt radius, stated to 1 %; rolled over ten turns to 0.3 %, it would be" in errors["speed"].text
+    text = ", is the belt radius, not stated and assumed within 1 %; rolled over ten turns to 0.3 %, it would be"
+    assert text in errors["speed"].text
     # A load that nobody weighed is the largest part of the numbers; once it is weighed, another one is.
     path.write_text(GOOD.replace("320", "320\npressure_kpa = 210"), encoding="utf-8")
     texts = {check.text.partition(" ±")[0]: check.text for check in checks.check_errors(path)}
     number = "bending stiffness number (Bs)"
-    assert ", is the load, stated to 10 %; weighed to 2 %" in texts[number]
+    assert ", is the load, not stated and assumed within 10 %; weighed to 2 %" in texts[number]
     path.write_text(GOOD.replace("320", "320\npressure_kpa = 210") + "load_std_n = 20\n", encoding="utf-8")
     weighed = {check.text.partition(" ±")[0]: check.text for check in checks.check_errors(path)}
-    assert "the load, stated" not in weighed[number]
+    assert "is the load, " not in weighed[number]
 
 
 def test_errors_of_a_tire_that_cannot_be_are_a_warning(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from gateway.core.estimates.registry import ESTIMATORS
+from gateway.core.estimates.registry import DEFAULT_ESTIMATORS, ESTIMATORS
 from tests.test_import_rules import imports
 from tools.docs_site.staging import DOCS, ROOT, TOP_LEVEL, generated_pages, relative_links, stage, written_pages
 
@@ -70,6 +70,11 @@ def imported(module: str) -> frozenset[str]:
 
 def uses_solver(module: str) -> bool:
     return any(name == SOLVER or name.startswith(f"{SOLVER}.") for name in imported(module))
+
+
+def test_the_reference_names_the_estimators_that_run_by_default():
+    said = (DOCS / "reference/estimates.md").read_text("utf-8").partition(" run unless you choose others")[0]
+    assert tuple(re.findall(r"`([^`]+)`", said.rpartition(". ")[2])) == DEFAULT_ESTIMATORS
 
 
 def test_only_the_forward_estimator_shares_the_simulators_solver():

@@ -4,7 +4,8 @@ import pytest
 
 from gateway.core.errors import ConfigError
 from gateway.core.quantity_catalogue import declared
-from gateway.core.text.numbers import split_name
+from gateway.core.table_columns import FAILURE_COLUMNS, RECORDING_HEAD, RECORDING_TAIL, RESULT_HEAD, RESULT_TAIL
+from gateway.core.text.numbers import plain_name, split_name
 from gateway.diagnosis.effects.catalogue import catalogue
 from gateway.glossary.entries import entries, matching, reason_codes
 from tests.testkit.commands import invoked
@@ -15,6 +16,11 @@ def test_every_quantity_is_explained_by_its_name_and_its_label():
     for quantity in declared():
         for name in (quantity.name, split_name(quantity.name)[0].upper()):
             assert any(quantity.name in entry.names for entry in matching(name)), name
+
+
+def test_names_that_screens_print_are_known():
+    known = {name for entry in entries() for name in entry.names}
+    assert {plain_name(quantity.name) for quantity in declared()} <= known
 
 
 def test_every_effect_and_reason_has_an_entry():
@@ -33,11 +39,31 @@ def test_no_line_is_empty_and_no_template_is_left():
             assert not set("{}") & set(entry.lines[0][1]), entry
 
 
-def test_a_quantity_says_what_its_error_contains():
+def test_a_quantity_says_what_puts_it_in_doubt():
     shown = invoked("explain", "contact", "length").output
     assert "contact length  (quantity)" in shown
     assert "in files: contact_length_m, m" in shown
-    assert "error contains those of: belt radius" in shown
+    # Of its error that is a small part: the budget says which is the largest.
+    assert "rests on: belt radius" in shown
+    assert "error contains" not in shown
+
+
+@pytest.mark.parametrize(
+    ("word", "shown"),
+    [
+        ("settling", "not_settled  (reason)"),
+        ("mean speed", "speed_mean_mps  (column)"),
+        ("load_source", "load_source  (column)"),
+        ("relative_gain_std", "relative_gain_std  (column)"),
+    ],
+)
+def test_words_of_a_table_and_of_the_text_of_a_reason_are_explained(word, shown):
+    assert shown in invoked("explain", *word.split()).output
+
+
+def test_every_column_of_the_tables_of_a_dataset_is_explained():
+    names = {name for entry in entries() if entry.kind == "column" for name in entry.names}
+    assert {*RESULT_HEAD, *RESULT_TAIL, *RECORDING_HEAD, *RECORDING_TAIL, *FAILURE_COLUMNS} <= names
 
 
 def test_a_part_of_a_name_lists_what_contains_it():

@@ -157,6 +157,26 @@ def test_temperature_of_the_new_tire_brings_what_is_promised() -> None:
     assert promise.std == pytest.approx(budgets_of(setup_of())["wear_mm"].estimate.std, rel=0.05)
 
 
+def test_an_error_that_nobody_stated_is_called_assumed() -> None:
+    unstated = VEHICLE.format(**CAREFUL).replace("radius_std_mm = 0.5\n", "").replace("rate_std_percent = 0.001\n", "")
+    setup = parse_vehicle(unstated, "").wheel_setups()[0]
+    for chosen, words in ((setup, "not stated and assumed within 1 %"), (setup_of(radius=3.2), "stated to 1 %")):
+        results = simulated(SIGNAL, 1.0, chosen, ("kinematic",))[0]
+        speed = next(budget for budget in budgets(chosen, results) if budget.estimate.name == "speed_mps")
+        assert f"is the belt radius, {words}; rolled over ten turns" in speed.advice
+
+
+def test_what_a_vehicle_file_leaves_open_has_the_name_of_a_source() -> None:
+    names = {source.name for source in SOURCES}
+    (stated,) = parse_vehicle(VEHICLE.format(**CAREFUL), "").wheel_setups()
+    kept = VEHICLE.format(**CAREFUL).splitlines()
+    (bare,) = parse_vehicle("\n".join(line for line in kept if "_std_" not in line), "").wheel_setups()
+    assert bare.assumed_errors <= names
+    assert bare.assumed_errors - stated.assumed_errors == {
+        "load", "pressure", "belt radius", "sensor depth", "sampling rate", "lateral gain"
+    }  # fmt: skip
+
+
 def test_an_error_that_earlier_revolutions_had_made_smaller_has_no_budget() -> None:
     setup = setup_of(load=500)
     results = simulated(SIGNAL, SECONDS, setup, ESTIMATORS)[0]

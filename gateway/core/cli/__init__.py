@@ -164,10 +164,10 @@ def treadlink(verbosity: int, log_file: Path | None) -> None:
 
     \b
     First steps, without a sensor:
-      treadlink live sim:demo                        watch a simulated car
-      treadlink simulate lab --out lab.mcap          make a recording
-      treadlink estimate lab.mcap --html lab.html    its numbers, and a page
-      treadlink explain provisional                  what a word means
+      treadlink live sim:demo                              watch a simulated car
+      treadlink simulate lab --out lab.mcap --duration 20  make a recording
+      treadlink estimate lab.mcap --html lab.html          its numbers, and a page
+      treadlink explain provisional                        what a word means
     """
     from gateway.core.cli.logs import configure_logging
 

@@ -569,38 +569,38 @@ class VehicleConfig(Section):
                 nonlinearity_std=wheel.sensor.nonlinearity_std_percent * 1e-2,
             ),
             tire=tire.data(),
+            assumed_errors=frozenset(self._assumed_errors_of(wheel)),
         )
 
     def assumed_errors(self) -> Iterator[tuple[str, str, tuple[str, ...]]]:
         """Yield what is stated without a standard error: the quantity, its default with its unit, and the wheels."""
-        on_axles = {position: axle for axle in self.axle if axle.weight_kg is not None for position in axle.wheels}
-        tires = {wheel.position: self.tire_of(wheel) for wheel in self.wheel}
-        loads = [
-            wheel.position
-            for wheel in self.wheel
-            if (
-                on_axles[wheel.position].weight_std_kg is None
-                if wheel.position in on_axles
-                else wheel.load_n is not None and wheel.load_std_n is None
-            )
-        ]
-        for quantity, default, wheels in (
-            ("belt radius", RADIUS_STD, [position for position, tire in tires.items() if tire.radius_std_mm is None]),
-            ("load", LOAD_STD, loads),
-            ("pressure", PRESSURE_STD, [position for position, tire in tires.items() if tire.pressure_std_kpa is None]),
-        ):
-            if wheels:
-                yield quantity, f"{100.0 * default:g} %", tuple(wheels)
-        worn = (position for position, tire in tires.items() if tire.wear_mm is not None and tire.wear_std_mm is None)
-        if positions := tuple(worn):
-            yield "wear", f"{_WEAR_STD_MM:g} mm", positions
-        for quantity, name, text in (
-            ("sampling rate", "rate_std_percent", f"{CLOCK_STD_PERCENT:g} %"),
-            ("gain", "gain_std_percent", f"{100.0 * GAIN_STD:g} %"),
-            ("zero-g offset", "zero_g_std_mps2", f"{ZERO_G_STD_MPS2:g} m/s^2"),
-        ):
-            if unstated := tuple(wheel.position for wheel in self.wheel if name not in wheel.sensor.model_fields_set):
-                yield quantity, text, unstated
+        positions: dict[tuple[str, str], list[str]] = {}
+        for wheel in self.wheel:
+            for assumed in self._assumed_errors_of(wheel).items():
+                positions.setdefault(assumed, []).append(wheel.position)
+        yield from ((quantity, default, tuple(wheels)) for (quantity, default), wheels in positions.items())
+
+    def _assumed_errors_of(self, wheel: Wheel) -> dict[str, str]:
+        tire, stated = self.tire_of(wheel), wheel.sensor.model_fields_set | wheel.mounting.model_fields_set
+        has_no_softening_std = tire.reference.Bs is not None and tire.reference.softening_std_percent_per_k is None
+        has_no_depth_std = "offset_mm" in stated and "offset_std_mm" not in stated
+        loads = [(axle.weight_kg, axle.weight_std_kg) for axle in self.axle if wheel.position in axle.wheels]
+        loads.append((wheel.load_n, wheel.load_std_n))
+        defaults = (
+            ("belt radius", f"{100.0 * RADIUS_STD:g} %", tire.radius_std_mm is None),
+            ("load", f"{100.0 * LOAD_STD:g} %", any(std is None for load, std in loads if load is not None)),
+            ("pressure", f"{100.0 * PRESSURE_STD:g} %", tire.pressure_std_kpa is None),
+            ("wear", f"{_WEAR_STD_MM:g} mm", tire.wear_mm is not None and tire.wear_std_mm is None),
+            ("sampling rate", f"{CLOCK_STD_PERCENT:g} %", "rate_std_percent" not in stated),
+            ("gain", f"{100.0 * GAIN_STD:g} %", "gain_std_percent" not in stated),
+            ("lateral gain", f"{100.0 * AXIS_GAIN_STD:g} %", "lateral_gain_std_percent" not in stated),
+            ("circumferential gain", f"{100.0 * AXIS_GAIN_STD:g} %", "circumferential_gain_std_percent" not in stated),
+            ("linearity", f"{100.0 * NONLINEARITY_STD:g} %", "nonlinearity_std_percent" not in stated),
+            ("zero-g offset", f"{ZERO_G_STD_MPS2:g} m/s^2", "zero_g_std_mps2" not in stated),
+            ("sensor depth", f"{1e3 * HAND_MOUNTED_STD_M:g} mm", has_no_depth_std),
+            ("softening by temperature", f"{100.0 * SOFTENING_STD_PER_K:g} %/K", has_no_softening_std),
+        )
+        return {quantity: default for quantity, default, is_assumed in defaults if is_assumed}
 
     def with_sensors_of(self, recorded: VehicleConfig) -> VehicleConfig:
         """Return this configuration with what only that of a recording states of the accuracy of its samples.

@@ -6,10 +6,10 @@ import click
 @click.command()
 @click.argument("words", nargs=-1, required=True, metavar="WORD...")
 def explain(words: tuple[str, ...]) -> None:
-    """Explain a quantity, an effect, a reason, a status or a term.
+    """Explain a quantity, an effect, a reason, a status, a column or a term.
 
     WORD is the name on a screen or in a file, such as `Cw`, `ply steer peak`, `contact_length_m`, `run-out`,
-    `samples_lost` or `provisional`. A part of a name lists all that contain it.
+    `samples_lost` or `provisional`. A part of a name lists all that contain it; else a word of their texts does.
 
     Example: `treadlink explain contact length`
     """
@@ -24,7 +24,7 @@ def explain(words: tuple[str, ...]) -> None:
     if not matches:
         words_known = [known_name for entry in entries() for known_name in entry.names]
         raise ConfigError(
-            f"'{name}' is no quantity, effect, reason, status or term",
+            f"'{name}' is no quantity, effect, reason, status, column or term",
             f"{did_you_mean(name, words_known)}`treadlink explain` takes the names that screens and files have.",
         )
     if len(matches) > 3:

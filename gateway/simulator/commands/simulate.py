@@ -43,7 +43,7 @@ def _print_list(ctx: click.Context, _: click.Parameter, is_requested: bool) -> N
     "duration_s",
     type=FiniteRange(min=0.01),
     metavar="SECONDS",
-    help="Length of the drive.  [default: the scenario's]",
+    help="Length of the drive; a file of an endless scenario needs it.  [default: the scenario's]",
 )
 @click.option(
     "--speed", default="1", show_default=True, metavar="FACTOR", help="Times real time, or `max`; ignored for files."

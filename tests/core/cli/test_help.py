@@ -3,11 +3,13 @@
 import re
 import shlex
 from collections.abc import Iterator
+from pathlib import Path
 
 import click
 import pytest
 
 from gateway.core.cli import treadlink
+from tests.testkit.commands import program
 
 COLUMNS = 80
 
@@ -65,6 +67,16 @@ def test_a_command_that_needs_arguments_shows_an_example_that_it_takes(context):
     needs = any(parameter.required and isinstance(parameter, click.Argument) for parameter in command.params)
     named = any(example.startswith(context.command_path) for example in examples)
     assert named or not needs or isinstance(command, click.Group)
+
+
+def test_first_steps_run_one_after_another(tmp_path: Path) -> None:
+    steps = re.findall(r"^ {4}treadlink (.*?)  ", treadlink.get_help(TOP), re.MULTILINE)
+    files = [step for step in steps if not step.startswith("live ")]
+    assert len(files) > 1
+    for step in files:
+        ended = program(*shlex.split(re.sub(r"(--duration) \d+", r"\1 1", step)), folder=tmp_path)
+        assert ended.status == 0, ended.stderr
+    assert {"lab.mcap", "lab.html"} <= {path.name for path in tmp_path.iterdir()}
 
 
 @pytest.mark.parametrize(
