@@ -79,6 +79,10 @@ _PART_OF_TIME: Final = re.compile(
     re.IGNORECASE,
 )
 MICROSECONDS: Final = re.compile(r"(?:u|µ|mi[ck]ro)(?:s|secs?|seconds?|sek|sekunden?)", re.IGNORECASE)
+AN_ERROR: Final = re.compile(
+    r"(?:^|[^a-z])(?:std(?:dev|err)?|err(?:or)?|sigma|unc(?:ertainty)?|deviation)(?:[^a-z]|$)", re.IGNORECASE
+)
+"""What is named so is the error of a quantity, not the quantity."""
 A_MAGNITUDE: Final = "a magnitude"
 """Quantity of a column without a direction, which no axis is."""
 # The first that fits names the column; sensors of several quantities use one letter for each axis.

@@ -63,6 +63,7 @@ class Scan:
         rounding_s: step to which the times are rounded, None when they are not.
         jitter_s: largest deviation of a step of the time column from the sample interval, None without a time column.
         first_s: time of the first row by the time column, 0 without one.
+        rate_change: as `TimeColumn.rate_change`, None without a time column.
         wheels: result for each wheel.
         ranges: (references, 2) smallest and largest value of each reference column, NaN without one.
         means: (references, 2) mean and standard deviation of each reference column, NaN without a value.
@@ -76,6 +77,7 @@ class Scan:
     rounding_s: float | None
     jitter_s: float | None
     first_s: float
+    rate_change: tuple[float, float, float] | None
     wheels: tuple[WheelScan, ...]
     ranges: FloatArray
     means: FloatArray
@@ -144,6 +146,7 @@ def _scan(
         rounding_s=start.clock.rounding_s if start.clock else None,
         jitter_s=start.clock.jitter_s if start.clock else None,
         first_s=start.clock.first_s if start.clock else 0.0,
+        rate_change=start.clock.rate_change() if start.clock else None,
         wheels=tuple(wheel.wheel_scan() for wheel in wheels),
         ranges=np.array([reference.range for reference in references]).reshape(-1, 2),
         means=np.array([reference.mean for reference in references]).reshape(-1, 2),

@@ -5,6 +5,8 @@ from collections.abc import Mapping
 from datetime import datetime
 from typing import Final
 
+from gateway.importing.column_names import AN_ERROR
+
 _KG_N: Final = 9.80665
 _TIRE: Final = re.compile(r"\b(?:LT|P|ST)?\d{3}/\d{2,3}\s?Z?[RBD-]\s?\d{2}(?:[.,]5)?C?\b")
 _NUMBER: Final = r"[^\d\n+-]{0,20}?(?P<value>\d+(?:[.,]\d+)?)"
@@ -15,12 +17,12 @@ _LOAD: Final = re.compile(
 )
 _PRESSURE: Final = re.compile(
     rf"(?:\b|_)(?:inflation|(?:tire|tyre)?\s?pressure|luftdruck|reifendruck|fülldruck)\b(?P<before>{_NUMBER}){_SEPARATORS}"
-    r"(?P<unit>kPa\b|bar\b|psi\b)?",
+    r"(?P<unit>k?Pa\b|bar\b|psi\b)?",
     re.IGNORECASE,
 )
-_UNIT: Final = re.compile(r"k?N\b|kg\b|kPa\b|bar\b|psi\b", re.IGNORECASE)
+_UNIT: Final = re.compile(r"\b(?:k?N|kg|k?Pa|bar|psi)\b", re.IGNORECASE)
 _LOADS_N: Final = {"n": 1.0, "kn": 1e3, "kg": _KG_N}
-_PRESSURES_KPA: Final = {"kpa": 1.0, "bar": 100.0, "psi": 6.894757293168361}
+_PRESSURES_KPA: Final = {"pa": 1e-3, "kpa": 1.0, "bar": 100.0, "psi": 6.894757293168361}
 # With slashes, days and months look alike.
 _DATE: Final = re.compile(
     r"\b(?P<year>\d{4})[-/.](?P<month>\d{1,2})[-/.](?P<day>\d{1,2})\b|"
@@ -50,7 +52,7 @@ def stated_conditions(lines: Mapping[str, str]) -> list[tuple[str, str, str]]:
         if match := _TIRE.search(line):
             conditions.setdefault("tire", ("tire", f'"{match[0]}"', line_text))
         for key, pattern, units in (("load_n", _LOAD, _LOADS_N), ("pressure_kpa", _PRESSURE, _PRESSURES_KPA)):
-            if match := pattern.search(line):
+            if (match := pattern.search(line)) and not AN_ERROR.search(line[: match.end("before")]):
                 unit = match["unit"] or (_UNIT.search(match["before"]) or [""])[0]
                 if unit.lower() in units:
                     value = float(match["value"].replace(",", ".")) * units[unit.lower()]

@@ -256,6 +256,7 @@ class _WheelStream:
         self._errors_mps2 = np.zeros(len(self._quantiser.scale_mps2))
         self._lines, self._findings = _bridges(self._scan)
         self._findings += _unit_findings(import_map, wheel, self._scan, file_scan.rate_hz)
+        self._findings += () if number else _rate_findings(import_map, file_scan)  # wheels share their times
         if (repeats := self._scan.held) is not None:
             names = [axis.name.lower() for axis in wheel.axis.present()]
             source_hz = file_scan.rate_hz * (file_scan.decimation.factor if file_scan.decimation else 1)
@@ -590,6 +591,17 @@ def _unit_findings(
     dc = import_map.sensor.protocol_coupling is Coupling.DC
     finding = unlikely_unit(wheel_scan.liveliest_mps2, rate_hz, radius_m, wheel.radial.unit, dc=dc)
     return () if finding is None else (finding,)
+
+
+def _rate_findings(import_map: ImportMap, file_scan: Scan) -> tuple[Reason, ...]:
+    """Return that the rate changes by more than the error that the recording states for it."""
+    if file_scan.rate_change is None:
+        return ()
+    low_hz, high_hz, at_s = file_scan.rate_change
+    accuracy = import_map.sampling.accuracy((file_scan.rate_std_hz or 0.0) / file_scan.rate_hz)
+    if high_hz / low_hz - 1.0 <= 1e-2 * accuracy.rate_std_percent:
+        return ()
+    return (Reason(ImportCode.RATE_CHANGES, low_hz=low_hz, high_hz=high_hz, at_s=at_s),)
 
 
 def _selected(

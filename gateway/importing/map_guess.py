@@ -14,7 +14,7 @@ import numpy as np
 
 from gateway.core.errors import ImportDataError
 from gateway.core.types import FloatArray
-from gateway.importing.column_names import A_MAGNITUDE, MICROSECONDS, other_quantity, parts_of_time, unit_of
+from gateway.importing.column_names import A_MAGNITUDE, AN_ERROR, MICROSECONDS, other_quantity, parts_of_time, unit_of
 from gateway.importing.columns import Block, ColumnReader, FileFacts
 from gateway.importing.csv_columns import CsvColumns
 from gateway.importing.csv_layout import TextLayout, recognise_layout
@@ -396,6 +396,8 @@ def _unused(column: Seen, values: FloatArray, guess: Guess) -> str | None:
     if len(values) < _MIN_ROWS:
         return f"{len(values)} values only"
     unit, name = column.unit, column.name
+    if AN_ERROR.search(name) and not column.says_acceleration:
+        return "an error by its name"
     # The rounding of the mean gives a constant a spread.
     is_constant = not np.ptp(values) > 0.0
     if is_constant and unit in _LOADS_N and _LOAD.search(name):

@@ -318,6 +318,7 @@ def _reference_lines(guess: Guess) -> list[str]:
         else:
             unit = reference.unit or next(iter(REFERENCE_UNITS[reference.quantity]))
             lines.append(f"unit = {toml_string(unit)}" + ("" if reference.seen.unit else "   # ?"))
+            lines.append("# std = 0.1   # ? standard error of the column, in its unit; exact if not stated")
         lines.append("")
     return lines
 

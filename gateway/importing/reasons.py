@@ -15,6 +15,10 @@ class ImportCode(Codes):
         "{found_mps2:.4g m/s²}, {ratio:.3g} times the V²/R of {expected_mps2:.4g m/s²} of a revolution of "
         "{period_s:.4g s} and a belt radius of {radius_m:.0f mm})"
     )
+    RATE_CHANGES = Code(
+        "the time column goes at {low_hz:.6g Hz} to {high_hz:.6g Hz}, and the recording at one rate: cut the file "
+        "where the rate changes, about {at_s:.4g s} after the first row"
+    )
     VALUES_REPEATED = Code(
         "{samples} samples repeat exactly, zeros or held values of a dropout: leave their cells empty, or cut the "
         "file there (axes: {axes}; runs: {runs}; the first is {first_s:.4g s} after the start)"

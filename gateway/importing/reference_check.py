@@ -5,6 +5,7 @@ from pathlib import Path
 
 from gateway.core.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig
 from gateway.core.estimates.results import AlarmRecord, RevolutionResult, WheelSnapshot
+from gateway.core.estimates.sensor_claims import RATE_STD
 from gateway.core.reasons import Notice
 from gateway.core.recording.reader import RecordingReader
 from gateway.core.recording.recorded_file import RecordedFile
@@ -17,11 +18,11 @@ class ReferenceCheck:
     """Collector of the revolutions of a recording while it is estimated, to compare them with its references."""
 
     def __init__(self, references: RecordedReferences, vehicle: VehicleConfig | None) -> None:
-        """Prepare the check; `vehicle` gives the belt radii."""
+        """Prepare the check; `vehicle` gives the belt radii and the errors of the rates."""
         self._references = references
         self._turn_logs: dict[str, TurnLog] = {}
         setups = vehicle.wheel_setups() if vehicle is not None else ()
-        self._radius_m = {setup.position: setup.radius_m for setup in setups}
+        self._setups = {setup.position: (setup.radius_m, setup.sensor.rate_std) for setup in setups}
 
     def add(self, result: RevolutionResult) -> None:
         """Add a revolution."""
@@ -39,7 +40,7 @@ class ReferenceCheck:
                 reference.times_s,
                 reference.values,
                 reference.value_std,
-                self._radius_m.get(reference.position, ASSUMED_RADIUS_MM * 1e-3),
+                *self._setups.get(reference.position, (ASSUMED_RADIUS_MM * 1e-3, RATE_STD)),
             )
             comparisons.append(comparison)
         return tuple(comparisons)

@@ -47,6 +47,7 @@ class ReferenceComparison:
         radius_std_m: its standard error.
         contact_rad: angle of the reference at the contact centre; NaN where there is none.
         contact_scatter_rad: standard deviation of that angle.
+        value_std: standard error of a value of the reference, 0 where it is not stated.
     """
 
     position: str
@@ -65,6 +66,7 @@ class ReferenceComparison:
     radius_std_m: float = math.nan
     contact_rad: float = math.nan
     contact_scatter_rad: float = math.nan
+    value_std: float = 0.0
 
 
 class TurnLog:
@@ -94,6 +96,7 @@ class TurnLog:
         values: Sequence[float],
         value_std: float,
         radius_m: float,
+        rate_std: float = 0.0,
     ) -> ReferenceComparison:
         """Compare with a reference; fewer than three revolutions that have one give no numbers.
 
@@ -105,6 +108,7 @@ class TurnLog:
             values: (n,) m/s, turns per second, or turns so far.
             value_std: standard error of a value.
             radius_m: belt radius of the estimate.
+            rate_std: relative standard error of the sampling rate.
         """
         starts, periods = np.array(self._starts_s), np.array(self._periods_s)
         is_turns = quantity in ("angle", "pulses")
@@ -119,9 +123,10 @@ class TurnLog:
         measured = np.abs(signed)
         estimated = (2.0 * math.pi * radius_m if quantity == "speed" else 1.0) / periods
         differences = estimated - measured
-        # The error of an angle counts at both ends only, that of a rate everywhere.
+        # The error of an angle counts at both ends only, that of a rate everywhere; an angle shares the sensor's clock.
         span_s = float(starts[-1] + periods[-1] - starts[0])
-        common_std = math.sqrt(2.0) * value_std / span_s if is_turns else value_std
+        rate_error = math.hypot(value_std, rate_std * float(estimated.mean()))
+        common_std = math.sqrt(2.0) * value_std / span_s if is_turns else rate_error
         std = math.hypot(mean_std(differences), common_std)
         radius_m = radius_std_m = contact_rad = scatter_rad = math.nan
         if quantity == "speed":
@@ -146,6 +151,7 @@ class TurnLog:
             radius_std_m=radius_std_m,
             contact_rad=contact_rad,
             contact_scatter_rad=scatter_rad,
+            value_std=value_std,
         )
 
 

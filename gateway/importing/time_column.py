@@ -20,6 +20,9 @@ _STEP_TOLERANCE: Final = 0.5
 # Relative; the protocol has one rate for the whole file.
 _RATE_TOLERANCE: Final = 1e-3
 _MIN_ROWS_FOR_RATE: Final = 1000
+# Sample intervals by which times at one rate, also uneven or rounded ones, may stray from a straight line.
+_LARGEST_STRAY: Final = 3.0
+_PARTS: Final = 10
 # Share of the rounding step; rounding moves a time by half a step, and the fitted line by a little more.
 ROUNDING_TOLERANCE: Final = 0.6
 # Share of the rounding step; times on the grid itself leave less.
@@ -59,6 +62,7 @@ class TimeColumn:
         self._rounded = False
         self._rows = 0
         self._rates: list[tuple[float, float, str]] = []
+        self._spaced_s: list[float] = []
         self._fault_count = 0
         self._fault = ""
         # Steps without a missing row, and their time.
@@ -74,6 +78,7 @@ class TimeColumn:
         joined_s = times_s if math.isnan(self._last_s) else np.concatenate(([self._last_s], times_s))
         self._check_steps(block, joined_s, len(times_s) - len(joined_s) + 1)
         self._last_s = float(times_s[-1])
+        self._spaced_s += times_s[-self._rows % _MIN_ROWS_FOR_RATE :: _MIN_ROWS_FOR_RATE].tolist()
         self._rows += len(times_s)
         span_s = float(times_s[-1] - times_s[0])
         if len(times_s) >= _MIN_ROWS_FOR_RATE and span_s > 0:
@@ -125,6 +130,19 @@ class TimeColumn:
                     "Resample the file to one rate before importing.",
                 )
         return rate_hz, std_hz
+
+    def rate_change(self) -> tuple[float, float, float] | None:
+        """Return lowest and highest rate, and the time after the first row of the largest stray; None near a line."""
+        times_s = np.array(self._spaced_s)
+        if len(times_s) < 3:
+            return None
+        strays_s = np.abs(times_s - np.linspace(times_s[0], times_s[-1], len(times_s)))
+        farthest = int(np.argmax(strays_s))
+        if strays_s[farthest] <= _LARGEST_STRAY * self.interval_s:
+            return None
+        edges = np.linspace(0, len(times_s) - 1, min(len(times_s), _PARTS + 1)).astype(np.intp)
+        rates_hz = _MIN_ROWS_FOR_RATE * np.diff(edges) / np.diff(times_s[edges])
+        return float(rates_hz.min()), float(rates_hz.max()), float(times_s[farthest] - times_s[0])
 
     def _advice(self, rate_hz: float) -> str:
         """Return the rate to state instead, from the steps that skip no sample; `rate_hz` where there are none."""

@@ -92,6 +92,25 @@ def test_rate_errors_cover_their_spread(tmp_path: Path) -> None:
     assert 0.6 < float(np.std(pulls)) < 1.4
 
 
+@pytest.mark.parametrize(
+    ("share", "sampling", "is_told"),
+    [(0.014, "", True), (0.014, "\nrate_std_percent = 2", False), (0.00005, "", False)],
+)
+def test_rate_that_changes_by_more_than_its_error_is_told(
+    tmp_path: Path, share: float, sampling: str, is_told: bool
+) -> None:
+    jitter = np.random.default_rng(5).uniform(-0.2, 0.2, 12_000)
+    times_s = (np.cumsum(np.where(np.arange(12_000) < 9000, 1.0, 1.0 / (1.0 + share))) + jitter) * 1e-4
+    lines = [f"{time_s!r},{k % 7}" for k, time_s in enumerate(times_s.tolist())]
+    report, _ = imported(tmp_path, lines, f'time_column = "t"{sampling}')
+    checks = [line for line in report_lines(report) if line.startswith("check: the time column")]
+    assert len(checks) == is_told
+    for finding in report.wheels[0].findings:
+        if finding.code is ImportCode.RATE_CHANGES:
+            assert (finding["low_hz"], finding["high_hz"]) == pytest.approx((1e4, 10140.0), rel=1e-3)
+            assert finding["at_s"] == pytest.approx(0.9, abs=0.1)
+
+
 def test_missing_sample_among_rounded_times_is_rejected(tmp_path: Path) -> None:
     times_s = np.delete(rounded_times(9600, 1e-4, 6000), slice(3000, 3003))
     with pytest.raises(ImportDataError, match=r"line 3002: the time steps by 3.* rounded to 0.1 ms") as caught:

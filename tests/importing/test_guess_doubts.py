@@ -306,3 +306,23 @@ def test_times_since_1970_have_their_unit_and_a_start(tmp_path: Path, unit: str,
     assert tomllib.loads(text)["sampling"]["time_unit"] == unit
     assert line_of(text, "start_utc").startswith("start_utc = 2025-11-24T16:00:00.000Z   # ?")
     assert import_file(path, parse_map(text, "map"), tmp_path / "out.mcap").samples == len(WHEEL.times_s)
+
+
+def test_error_of_a_condition_is_not_taken_for_the_condition(tmp_path: Path) -> None:
+    times = WHEEL.times_s
+    constants = {"Fz [N]": 5000.0, "Fz std [N]": 25.0, "sigma_p [kPa]": 2.0, "p [kPa]": 210.0, "v err [km/h]": 0.1}
+    columns = {"t": times, **AXES, **{name: np.full(len(times), value) for name, value in constants.items()}}
+    document = tomllib.loads(text := guess_map(write_csv(tmp_path / "run.csv", columns)))
+    assert document["conditions"]["load_n"] == 5000
+    assert document["environment"]["pressure_column"] == "p [kPa]"
+    assert "reference" not in document
+    assert "Fz std [N]: an error by its name" in text
+
+
+def test_error_in_attributes_is_not_taken_for_the_condition(tmp_path: Path) -> None:
+    conditions = {"load_n": 5000.0, "load_std_n": 25.0, "pressure_pa": 210e3, "pressure_std_pa": 2e3}
+    path = tmp_path / "run.mat"
+    wheel = {"t": WHEEL.times_s, "acc": np.column_stack(list(AXES.values())), "Conditions": conditions}
+    pytest.importorskip("scipy.io").savemat(path, {"W1": wheel})
+    stated = tomllib.loads(guess_map(path))["conditions"]
+    assert (stated["load_n"], stated["pressure_kpa"]) == (5000, 210)

@@ -3,6 +3,7 @@
 import tomllib
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from gateway.importing.import_map import ReferenceColumn, parse_map
 from gateway.importing.importer import import_file
 from gateway.importing.map_guess import guess_map
 from gateway.importing.reference_channels import ReferenceChannel
-from gateway.importing.reference_comparison import ReferenceComparison
+from gateway.importing.reference_comparison import ReferenceComparison, TurnLog
 from gateway.importing.reference_topic import RecordedReferences
 from gateway.importing.views.reference_lines import reference_lines
 from tests.importing.measurements import simple_map, write_csv
@@ -64,7 +65,10 @@ def test_import_and_estimate_print_the_differences(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     lines = [line for line in result.output.splitlines() if line.startswith("W1, reference")]
     (radius,) = [line for line in lines if "belt radius" in line]
-    assert float(radius.split("radius of ")[1].split()[0]) == pytest.approx(320.64, abs=0.1)
+    value, _, error, unit = radius.split("radius of ")[1].split(maxsplit=3)
+    assert float(value) == pytest.approx(320.64, abs=0.1)
+    # The map states the rate without an error, which is then 1 %.
+    assert (float(error), unit) == (pytest.approx(3.2, abs=0.1), "mm")
     for name, percent in (("speed", -0.2), ("rpm", 0.0), ("tacho", 0.0), ("encoder", 0.0)):
         (line,) = [line for line in lines if f"reference {name}: " in line and "difference" in line]
         shown = line.rsplit("(", 1)[1] if "e-" not in line.rsplit(" (", 1)[1] else "0 "
@@ -147,6 +151,19 @@ def test_reference_without_revolutions_is_named() -> None:
     assert line == "FL, reference drum: fewer than 3 revolutions have a reference; nothing to compare"
 
 
+@pytest.mark.parametrize("value_std", [0.0, 0.018])
+def test_belt_radius_is_no_better_known_than_the_rate_and_the_reference(value_std: float) -> None:
+    turns, period_s, speed_mps = TurnLog(), 0.1, 18.0
+    for k in range(40):
+        turns.add(SimpleNamespace(faults=(), period_s=period_s, start_s=k * period_s))  # type: ignore[arg-type]
+    times_s = np.arange(0.0, 5.0, 0.1)
+    reference = "FL", "drum", "speed", times_s, np.full(len(times_s), speed_mps), value_std
+    compared = turns.compare(*reference, 0.3, 1e-4)
+    share = compared.radius_std_m / compared.radius_m
+    assert share == pytest.approx(np.hypot(1e-4, value_std / (0.6 * np.pi / period_s)), rel=1e-6)
+    assert ("if the reference is exact" in reference_lines([compared])[1]) == (value_std == 0.0)
+
+
 def test_channels_of_a_rig_vary_and_state_the_load(tmp_path: Path) -> None:
     times_s = wheel().times_s
     columns = {
@@ -156,6 +173,7 @@ def test_channels_of_a_rig_vary_and_state_the_load(tmp_path: Path) -> None:
     path = write_csv(tmp_path / "rig.csv", columns)
     text = guess_map(path)
     quantities = [reference["quantity"] for reference in tomllib.loads(text)["reference"]]
+    assert text.count("# std = 0.1   # ? standard error of the column, in its unit") == 4
     assert quantities == ["load", "slip_angle", "camber", "torque"]
     (tmp_path / "rig.map.toml").write_text(text)
     out = tmp_path / "o.mcap"

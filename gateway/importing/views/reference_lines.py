@@ -45,7 +45,8 @@ def _lines(comparison: ReferenceComparison) -> list[str]:
     ]
     if comparison.quantity == "speed":
         radius = _with_error(comparison.radius_m * 1e3, comparison.radius_std_m * 1e3)
-        lines.append(f"{head}: the speeds agree with a belt radius of {radius} mm")
+        exact = "" if comparison.value_std > 0.0 else ", if the reference is exact: its std is 0 or not stated"
+        lines.append(f"{head}: the speeds agree with a belt radius of {radius} mm{exact}")
     if math.isfinite(comparison.contact_rad):
         centre, scatter = math.degrees(comparison.contact_rad), math.degrees(comparison.contact_scatter_rad)
         lines.append(f"{head}: the contact centre is at {centre:.1f} deg of it, with a scatter of {scatter:.2g} deg")
