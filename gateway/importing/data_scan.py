@@ -146,7 +146,7 @@ def _scan(
         rounding_s=start.clock.rounding_s if start.clock else None,
         jitter_s=start.clock.jitter_s if start.clock else None,
         first_s=start.clock.first_s if start.clock else 0.0,
-        rate_change=start.clock.rate_change() if start.clock else None,
+        rate_change=start.rate_change(),
         wheels=tuple(wheel.wheel_scan() for wheel in wheels),
         ranges=np.array([reference.range for reference in references]).reshape(-1, 2),
         means=np.array([reference.mean for reference in references]).reshape(-1, 2),
@@ -321,6 +321,9 @@ class _Start:
         if self.clock:
             return 1.0 / self.clock.interval_s if self.clock.interval_s > 0 else 0.0
         return self._stated_hz or 0.0
+
+    def rate_change(self) -> tuple[float, float, float] | None:
+        return self.clock.rate_change() if self.clock else None
 
     def require_rows(self, path: Path, samples: int) -> None:
         rows = max(self.rows - self.skipped, 0)

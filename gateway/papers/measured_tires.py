@@ -164,6 +164,7 @@ class MeasuredWheel:
         wear_mm = overrides.wear_mm
         if wear_mm is None and conditions.tire.wear_m is not None:
             wear_mm = 1e3 * conditions.tire.wear_m
+        lateral = np.mean(self._lateral, axis=0) if self._lateral else None
         return MeasuredTire(
             name=self._name,
             load_n=_number(conditions.load_n),
@@ -179,7 +180,7 @@ class MeasuredWheel:
             waveforms=Waveforms(
                 average,
                 self._orders.statistics() if self._orders is not None else None,
-                remove_roll(*np.mean(self._lateral, axis=0), self._roll_rad) if self._lateral else None,
+                remove_roll(lateral[0], lateral[1], self._roll_rad) if lateral is not None else None,
             ),
             fitted_half_angle_rad=conditions.tire.half_angle_rad,
         )

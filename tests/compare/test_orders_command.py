@@ -99,6 +99,7 @@ def test_csv_to_a_pipe_has_every_order_and_speed(recorded):
     assert {row["wheel"] for row in rows} == {"W0", "W1"}
     selected = [row for row in rows if row["wheel"] == "W1" and row["order"] == "5"]
     assert len(selected) >= 2
+    assert all(float(row["speed_low_kmh"]) % 5.0 == 0.0 for row in selected[1:])
     assert all(row["lateral_mps2"] == "" for row in selected)
     assert float(selected[0]["radial_repeated_mps2"]) <= float(selected[0]["radial_mps2"])
     assert done.stderr.startswith("W0  ")

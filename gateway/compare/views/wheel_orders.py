@@ -46,5 +46,5 @@ class WheelOrders:
         return f"{' to '.join(speeds)} {unit_symbol(SPEED)}"
 
     def kmh(self, omega_radps: float) -> float:
-        """Return the rolling speed of an angular speed."""
-        return omega_radps * self.radius_m * 3.6
+        """Return the rolling speed of an angular speed, to a millionth, so that limits are what they are stated as."""
+        return round(omega_radps * self.radius_m * 3.6, 6)

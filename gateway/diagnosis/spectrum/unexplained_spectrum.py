@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Final
 
 import numpy as np
@@ -204,7 +205,7 @@ def unexplained(sites: Sequence[Site], parts: Sequence[Part]) -> list[Unexplaine
         seed = remaining[0]
         by_hz = [part for part in remaining if _same_hz(seed, part)]
         by_order = [part for part in remaining if _same_order(seed, part, sites)]
-        speeds_hz, speeds_order = (_speeds((part.group for part in alike), sites) for alike in (by_hz, by_order))
+        speeds_hz, speeds_order = (_speeds(map(attrgetter("group"), alike), sites) for alike in (by_hz, by_order))
         locked = speeds_order > speeds_hz
         members = by_order if locked else by_hz
         is_lock_known = max(speeds_order, speeds_hz) > 1
@@ -263,7 +264,7 @@ def _entry(sites: Sequence[Site], parts: Sequence[Part], locked: bool | None) ->
         if locked and not doubtful
         else math.nan,
         centre_hz=float(np.mean([part.centre_hz for part in axis_parts])) if line and not locked else math.nan,
-        speeds=(_speeds((part.group for part in parts), sites), _speeds(range(len(sites)), sites))
+        speeds=(_speeds(map(attrgetter("group"), parts), sites), _speeds(range(len(sites)), sites))
         if locked is False
         else None,
         other_axes=tuple((AXIS_NAMES[other_axis], value) for other_axis, value in sizes.items() if other_axis != axis),
