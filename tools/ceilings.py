@@ -37,13 +37,13 @@ class Ceiling(NamedTuple):
 
 
 CEILINGS: Final[dict[str, Ceiling]] = {
-    "lines of the core": Ceiling(32_000, 40_085),
-    "lines of gateway": Ceiling(95_000, 132_425),
-    "lines of tests": Ceiling(58_000, 78_430),
+    "lines of the core": Ceiling(32_000, 40_210),
+    "lines of gateway": Ceiling(95_000, 132_710),
+    "lines of tests": Ceiling(58_000, 79_430),
     "lines of tools": Ceiling(17_000, 24_900),
     "words of docs": Ceiling(60_000, 60_000),
     "options": Ceiling(120, 91),
-    "reason codes": Ceiling(430, 531),
+    "reason codes": Ceiling(430, 532),
     "functions over complexity 20": Ceiling(0, 0),
     "functions of more than eight parameters, commands aside": Ceiling(0, 3),
     "modules over 700 lines": Ceiling(0, 0),

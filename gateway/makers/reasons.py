@@ -13,14 +13,19 @@ class FirmwareCode(Codes):
                 "the wheel does not roll: roll it; at rest its axes read {share:.2f} g together, where 1 g and the "
                 "zero errors are expected"
             ),
-            "does_not_roll": "the wheel does not roll: roll it, or move the sensor on a turntable, at 10 m/s or more",
+            "does_not_roll": (
+                "the wheel does not roll, or slowly: roll it, or move the sensor on a turntable, at 10 m/s or more"
+            ),
             "hub_takes_no_commands": "the hub answered no command: either it takes none, or it received none",
             "no_commands": "no command can be sent: the source is a file, or is only read",
             "no_commands_wanted": "commands were switched off by an option",
             "no_key": "there is no key of {identity}: state it with --keys FILE",
             "no_radial_axis": "the sensor has no radial axis",
             "stopped_early": "the check ended before it came to this: give it more time with --for",
-            "too_short": "{duration_s:.1f s} were received, {needed_s:g s} are needed: give it more time with --for",
+            "too_short": (
+                "{duration_s:.1f s} were received (in a dump by the hub's clock), {needed_s:g s} are needed: give it "
+                "more time with --for"
+            ),
         },
     )
     BYTES_BETWEEN_FRAMES = Code(
@@ -70,8 +75,13 @@ class FirmwareCode(Codes):
         },
     )
     SOME_FRAMES_DAMAGED = Code(
-        "a frame was damaged {damaged} times, {frames} are intact: check cable and ground, the receiver's buffer, and "
-        "that no buffer is overwritten while it is sent"
+        "a frame was damaged {damaged} times, {frames} are intact: {cause}",
+        cause={
+            "altered": "the port or a terminal program alters bytes: set it to raw mode, without flow control",
+            "unknown": (
+                "check cable and ground, the receiver's buffer, and that no buffer is overwritten while it is sent"
+            ),
+        },
     )
     CHECK_FRAMES_LOST = Code(
         "{lost} frames are missing by their counters ({damaged} of them beside damaged bytes), {frames} arrived"
@@ -104,6 +114,10 @@ class FirmwareCode(Codes):
             "jitters": (
                 "tick_us of the blocks scatters over {spread_s:.1f ms} about an even rate ({std_s:.2f ms} standard "
                 "deviation): take it in the sensor's interrupt"
+            ),
+            "ms": (
+                "tick_us counts ms, not us: by it samples come at {measured_hz:.0f Hz}, where HELLO states "
+                "{stated_hz:g Hz}"
             ),
             "not_of_first_sample": (
                 "frames sent after a block have tick_us {tick_us:.0f}, before the block's last sample: tick_us of "

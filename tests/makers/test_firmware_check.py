@@ -13,8 +13,9 @@ from firmware_protocol.messages import MessageType
 from firmware_protocol.reference_cmac import aes_cmac
 from firmware_protocol.reference_frames import payload_bytes
 from firmware_protocol.signing import sign
+from gateway.core.contacts.reasons import ContactCode
 from gateway.core.links.source import Chunk
-from gateway.core.reasons import Reason
+from gateway.core.reasons import Code, Reason
 from gateway.core.session.reasons import SessionCode
 from gateway.core.session.statement_watch import __file__ as watch_file
 from gateway.core.wheels.reasons import WheelCode
@@ -23,7 +24,7 @@ from gateway.makers.check.firmware_check import CLAUSE_OF, FirmwareCheck
 from gateway.makers.commands.clause_report import report_lines
 from gateway.makers.reasons import FirmwareCode
 from gateway.security.cmac import Key
-from tests.makers.wrong_firmware import HELLO, WRONG, Stream, frames, right, right_stream
+from tests.makers.wrong_firmware import BLOCK, HELLO, WRONG, Sent, Stream, frames, right, right_stream
 
 START_NS = 1_700_000_000_000_000_000
 KEYS = {f"{HELLO.sensor_id:08x}": Key(bytes(range(16))), f"{HELLO.hub_id:016x}": Key(bytes(range(16, 32)))}
@@ -82,6 +83,76 @@ def test_every_wrong_firmware_is_named_by_its_clause(name: str) -> None:
         if finding.at_byte is not None:
             assert finding.example
             assert data[finding.at_byte :].startswith(finding.example)
+
+
+@pytest.mark.parametrize(
+    ("factor", "code"),
+    [
+        (1.0 / 9.80665, ContactCode.RADIAL_IS_IN_G),
+        (9.80665, ContactCode.RADIAL_IS_IN_MPS2),
+        # The standard deviation that is stated is that of a wheel at rest.
+        (1.0 / 100.0, FirmwareCode.SCALE_OFF_BY_POWER_OF_TWO),
+    ],
+)
+def test_a_wrong_unit_of_a_wheel_that_rolls_is_named(factor: float, code: Code) -> None:
+    hello = HELLO._replace(scale_mps2=(0.128 * factor,) * 3, range_mps2=(4096.0 * factor,) * 3)
+    report = check(frames(right(5.0, hello)))
+    result = next(result for result in report.clauses if result.clause is Clause.SCALE)
+    assert {finding.reason.code for finding in result.findings} == {code}
+
+
+def test_hum_at_rest_is_no_rotation() -> None:
+    def at_rest(sent: Sent) -> Sent:
+        if sent.type != MessageType.SAMPLES:
+            return sent
+        time_s = (int.from_bytes(sent.payload[:4], "little") + np.arange(BLOCK)) / HELLO.rate_hz
+        rows = np.stack([0.0 * time_s, 0.0 * time_s, 9.8 + 4.0 * np.sin(2.0 * np.pi * 25.0 * time_s)], axis=1)
+        return sent._replace(payload=sent.payload[:6] + np.round(rows / 0.128).astype("<i2").tobytes())
+
+    report = check(frames(map(at_rest, right(5.0))))
+    result = next(result for result in report.clauses if result.clause is Clause.SCALE)
+    assert result.verdict is Verdict.NOT_EXERCISED
+    assert result.why is not None
+    assert result.why["why"] == "at_rest"
+
+
+def test_a_clock_in_ms_is_named_without_arrival_times_too() -> None:
+    report = check(WRONG["tick in ms"][1](), dated=False)
+    result = next(result for result in report.clauses if result.clause is Clause.TICK)
+    assert [finding.reason["how"] for finding in result.findings] == ["ms"]
+    assert not [result for result in report.clauses if result.why is not None and result.why["why"] == "too_short"]
+    # What rests on the clock is no fault of its own.
+    assert with_verdict(report, Verdict.FAILED, Verdict.ADVISED) == {Clause.TICK, Clause.RATE}
+
+
+def test_rows_claims_no_more_than_it_sees() -> None:
+    def swapped(sent: Sent) -> Sent:
+        if sent.type != MessageType.SAMPLES:
+            return sent
+        counts = np.frombuffer(sent.payload[6:], "<i2").reshape(-1, 3)
+        return sent._replace(payload=sent.payload[:6] + counts[:, [1, 0, 2]].tobytes())
+
+    result = next(r for r in check(frames(map(swapped, right(5.0)))).clauses if r.clause is Clause.ROWS)
+    assert result.verdict is Verdict.PASSED
+    assert result.clause.words == "rows of signed counts, the radial axis in its place, positive inward"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "cause"),
+    [
+        (rb"[\x11\x13]", b"", "altered"),
+        (rb"\n", b"\r\n", "altered"),
+        (rb"\r", b"\n", "altered"),
+        (rb"\x12", b"\x92", "unknown"),
+    ],
+)
+def test_bytes_that_a_terminal_altered_are_told_from_a_bad_cable(old: bytes, new: bytes, cause: str) -> None:
+    data = re.sub(old, new, b"".join(data for _, data in right_stream()))
+    report = check([(0.0, data)], piece=4096, dated=False)
+    reasons = [
+        finding.reason for result in report.clauses if result.clause is Clause.CRC for finding in result.findings
+    ]
+    assert [(reason.code, reason["cause"]) for reason in reasons] == [(FirmwareCode.SOME_FRAMES_DAMAGED, cause)]
 
 
 def test_counters_that_restart_are_not_called_one_counter() -> None:

@@ -12,7 +12,7 @@ import pytest
 from click.testing import Result
 
 from gateway.core.clock import SystemClock
-from gateway.core.errors import TreadlinkError
+from gateway.core.errors import RecordingError, TreadlinkError
 from gateway.core.links.source import Chunk, LinkEvent, LinkEventKind
 from gateway.core.recording.writer import RecordingWriter
 from gateway.makers.check.clauses import Clause, Verdict
@@ -117,8 +117,16 @@ def test_no_frame_ends_with_1(tmp_path: Path) -> None:
     result = run("check", str(tmp_path / "text.bin"))
     assert result.exit_code == 1
     assert "this is another device, which sends text" in result.output
+
+
+def test_an_empty_file_is_named(tmp_path: Path) -> None:
     (tmp_path / "empty.bin").write_bytes(b"")
-    assert run("check", str(tmp_path / "empty.bin")).exit_code == 1
+    result = run("check", str(tmp_path / "empty.bin"), "--junit", str(tmp_path / "check.xml"))
+    assert result.exit_code == 1
+    assert isinstance(result.exception, RecordingError)
+    assert "no byte of a hub is in" in str(result.exception)
+    assert result.exception.remedy
+    assert (tmp_path / "check.xml").exists()
 
 
 def test_a_hub_over_tcp_is_checked_for_the_time_asked(right_dump: str) -> None:
@@ -164,6 +172,8 @@ def test_a_silent_hub_does_not_keep_the_check() -> None:
         result = run("check", uri, "--for", "0.2s")
     assert result.exit_code == 1
     assert "0 frames, 0 bytes" in result.output
+    assert isinstance(result.exception, TreadlinkError)
+    assert f"no byte arrived from '{uri}'" in str(result.exception)
 
 
 @pytest.mark.parametrize("shown", ["soon", "0s", "-3s", "1h", "nan", ""])

@@ -168,18 +168,28 @@ def _centripetal_mps2(signal: RadialSignal, period_s: float) -> float:
 
 def _unit(signal: RadialSignal, mean: float, depth: float, period_s: float) -> Reason | None:
     """Return a reason when mean or depth is R Omega^2 in another unit."""
-    expected = _centripetal_mps2(signal, period_s)
     level = mean if signal.is_dc else depth
     if depth < _CONTACT_SHARE * level:
         return None
-    ratio = level / expected
+    return mistaken_unit(level, _centripetal_mps2(signal, period_s), signal.rate_hz)
+
+
+def mistaken_unit(level_mps2: float, expected_mps2: float, rate_hz: float) -> Reason | None:
+    """Return a reason when a level is R Omega^2 in another unit.
+
+    Args:
+        level_mps2: in the unit assumed.
+        expected_mps2: R Omega^2 by the rotation.
+        rate_hz: sampling rate.
+    """
+    ratio = level_mps2 / expected_mps2
     for code, factor in (
         (ContactCode.RADIAL_IS_IN_G, 1.0 / STANDARD_GRAVITY_MPS2),
         (ContactCode.RADIAL_IS_IN_MPS2, STANDARD_GRAVITY_MPS2),
     ):
         if ratio > 0.0 and abs(math.log(ratio / factor)) < _UNIT_TOLERANCE:
-            fitting_hz = signal.rate_hz * math.sqrt(ratio)
-            return Reason(code, level_mps2=level, expected_mps2=expected, ratio=ratio, fitting_hz=fitting_hz)
+            fitting_hz = rate_hz * math.sqrt(ratio)
+            return Reason(code, level_mps2=level_mps2, expected_mps2=expected_mps2, ratio=ratio, fitting_hz=fitting_hz)
     return None
 
 

@@ -64,7 +64,7 @@ class Clause(StrEnum):
     RATE_EXACT = "rate-exact", "Sample numbers", "clock, samples and rate_hz agree within 0.1 % (recommended)"
     ONCE = "once", "Sample numbers", "a sample is sent once"
     BYTE_ORDER = "byte-order", "Payloads", "counts are little endian"
-    ROWS = "rows", "Payloads", "rows of signed counts, the axes in their order, radial positive inward"
+    ROWS = "rows", "Payloads", "rows of signed counts, the radial axis in its place, positive inward"
     COUPLING = "coupling", "HELLO and its values", "AC coupling is stated of a signal without a steady value"
     SCALE = "scale", "Payloads", "the steady radial value is R Omega^2"
     # Other messages

@@ -214,14 +214,21 @@ class ClockRules:
         if blocks.hello is None or len(blocks.numbers) < 3:
             return
         number, tick_s = np.array(blocks.numbers, float), np.array(blocks.ticks_us) * 1e-6
-        spans_2_s = tick_s[-1] - tick_s[0] >= _SPAN_S
-        if not spans_2_s or self._ledger.has_failed(Clause.NUMBERS, Clause.TICK_MONOTONIC):
+        subject, stated_hz = source_name(source), blocks.hello.rate_hz
+        spans_2_s, samples_span_2_s = tick_s[-1] - tick_s[0] >= _SPAN_S, number[-1] >= _SPAN_S * stated_hz
+        if not (spans_2_s or samples_span_2_s) or self._ledger.has_failed(Clause.NUMBERS, Clause.TICK_MONOTONIC):
             return
         slope, intercept_s = np.polyfit(number, tick_s, 1)
+        # A dump has no arrival times that would tell the unit.
+        in_ms = samples_span_2_s and abs(slope * stated_hz / _UNITS["ms"] - 1.0) < _UNIT_TOLERANCE
+        if in_ms and not self._ledger.has_failed(Clause.TICK):
+            values = {"measured_hz": float(1.0 / slope), "stated_hz": stated_hz}
+            self._ledger.fail(Clause.TICK, f"hub {source[0]}", Reason(FirmwareCode.TICK_WRONG, how="ms", **values))
+        if not spans_2_s:
+            return
         self._ledger.check(Clause.RATE)
         self._ledger.check(Clause.RATE_EXACT)
         self._ledger.check(Clause.JITTER)
-        subject, stated_hz = source_name(source), blocks.hello.rate_hz
         error = 1.0 / (slope * stated_hz) - 1.0
         if abs(error) > _RELATIVE_TOLERANCE and not self._ledger.has_failed(Clause.RATE):
             reason = Reason(

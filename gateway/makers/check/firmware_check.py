@@ -4,6 +4,7 @@ The rules that every reader follows are those of `gateway.core.session.statement
 firmware wants to know is checked beside it.
 """
 
+import re
 from collections.abc import Mapping
 from typing import Final
 
@@ -45,6 +46,9 @@ RADIUS_M: Final = 0.32
 _HEADER: Final = wire.HEADER.reader("version", "type", "hub", "wheel", "flags", "seq", "tick_us")
 # Bytes without a frame that are kept for their diagnosis.
 _MAX_NOISE_BYTES: Final = 16_384
+# What no port lacks that is in raw mode, in so many bytes: XON and XOFF, a carriage return, a line feed alone.
+_OFTEN_ALTERED: Final[tuple[bytes, ...]] = rb"[\x11\x13]", rb"\r", rb"(?<!\r)\n"
+_MIN_ALTERED_BYTES: Final = 65_536
 
 CLAUSE_OF: Final[Mapping[Code, Clause]] = {
     WheelCode.HELLO_AC_WITH_STEADY_VALUE: Clause.COUPLING,
@@ -109,6 +113,7 @@ class FirmwareCheck:
         self._signatures = SignatureRules(self.ledger, keys)
         self._watch = StatementWatch(review_blocks=1)
         self._tail = b""
+        self._missing_bytes = _OFTEN_ALTERED
         self._size = 0
         self._begin_ns: int | None = None
         self._end_ns = 0
@@ -128,6 +133,7 @@ class FirmwareCheck:
         base = self._size - len(self._tail)
         self._size += len(chunk.data)
         buffer = self._tail + chunk.data
+        self._missing_bytes = tuple(pattern for pattern in self._missing_bytes if not re.search(pattern, buffer))
         start, frames = 0, []
         while True:
             offset, end, damaged = next_frame(buffer, start)
@@ -280,5 +286,6 @@ class FirmwareCheck:
         if verdict is not None and verdict[1].code is not FirmwareCode.FRAME_CRC_WRONG:
             self.ledger.fail(verdict[0], "", verdict[1], example, at_byte, count=self._damaged)
             return
-        reason = Reason(FirmwareCode.SOME_FRAMES_DAMAGED, damaged=self._damaged, frames=self.frames)
+        cause = "altered" if self._missing_bytes and self._size >= _MIN_ALTERED_BYTES else "unknown"
+        reason = Reason(FirmwareCode.SOME_FRAMES_DAMAGED, damaged=self._damaged, frames=self.frames, cause=cause)
         self.ledger.fail(Clause.CRC, "", reason, example, at_byte, count=self._damaged)

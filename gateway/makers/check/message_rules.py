@@ -209,11 +209,11 @@ class MessageRules:
 
     def _hub_schedule(self, hub: int, schedules: dict[SourceKey, _Schedule], span_s: float) -> None:
         if span_s < _MIN_SPAN_S:
+            reason = Reason(FirmwareCode.CHECK_NOT_DONE, why="too_short", duration_s=span_s, needed_s=_MIN_SPAN_S)
             for clause, _ in _PERIODS.values():
-                self._ledger.leave(
-                    clause,
-                    Reason(FirmwareCode.CHECK_NOT_DONE, why="too_short", duration_s=span_s, needed_s=_MIN_SPAN_S),
-                )
+                # By a clock in a wrong unit, any time is short.
+                if not self._ledger.has_failed(Clause.TICK):
+                    self._ledger.leave(clause, reason)
             return
         wheels = [source for source, schedule in schedules.items() if source[1] != HUB_ITSELF and schedule.blocks]
         for type_, (clause, period_s) in _PERIODS.items():

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from firmware_protocol.messages import HUB_ITSELF, Axis, Coupling, Hello, SampleBlock
 from gateway.core.constants import AXIS_NAMES, STANDARD_GRAVITY_MPS2
-from gateway.core.contacts.missing_revolutions import rotation_period_s
+from gateway.core.contacts.missing_revolutions import mistaken_unit, rotation_period_s
 from gateway.core.contacts.reasons import ContactCode
 from gateway.core.reasons import Reason
 from gateway.core.types import FloatArray
@@ -23,6 +23,11 @@ _MIN_WINDOWS: Final = 3
 _AGREEING_SHARE: Final = 0.8
 # No wheel turns faster.
 _MIN_PERIOD_S: Final = 0.02
+# A wheel that rolls has at least this R Omega^2, and this standard deviation as a share of full scale: neither depends
+# on the stated scale, which may be wrong.
+_ROLLING_EXPECTED_MPS2: Final = 100.0
+_ROLLING_STD_SHARE: Final = 0.003
+# Steady value that only a rotation gives an axis.
 _ROLLING_MPS2: Final = 30.0
 # Ratio of the mean radial value to R Omega^2 that no radius within the usual range of tires explains.
 _MIN_SCALE_RATIO: Final = 1.8
@@ -42,7 +47,7 @@ class _Stretch:
 
     __slots__ = ("hello", "length", "next_sample", "recent", "rows")
 
-    def __init__(self, hello: Hello | None) -> None:
+    def __init__(self, hello: Hello) -> None:
         self.hello = hello
         self.next_sample: int | None = None
         self.rows: list[NDArray[np.int16]] = []
@@ -71,8 +76,8 @@ class SignalRules:
             if stretch is None or stretch.hello != seen.message:
                 self._judge(seen.source)
                 self._stretches[seen.source] = _Stretch(seen.message)
-        elif isinstance(seen.message, SampleBlock) and stretch is not None and stretch.hello is not None:
-            self._samples(seen.source, stretch, stretch.hello, seen.message)
+        elif isinstance(seen.message, SampleBlock) and stretch is not None:
+            self._samples(seen.source, stretch, seen.message)
 
     def finish(self) -> None:
         """Judge the stretches that are left."""
@@ -81,8 +86,8 @@ class SignalRules:
         for source, levels in self._levels.items():
             self._scale(source, np.array(levels))
 
-    def _samples(self, source: SourceKey, stretch: _Stretch, hello: Hello, block: SampleBlock) -> None:
-        if block.axes != hello.axes:
+    def _samples(self, source: SourceKey, stretch: _Stretch, block: SampleBlock) -> None:
+        if block.axes != stretch.hello.axes:
             return
         if stretch.next_sample is not None and signed_step(stretch.next_sample, block.first_sample) != 0:
             self._judge(source)
@@ -91,13 +96,13 @@ class SignalRules:
         self._check_copies(source, stretch.recent, block)
         stretch.rows.append(block.counts)
         stretch.length += len(block.counts)
-        if stretch.length >= _WINDOW_S * hello.rate_hz:
+        if stretch.length >= _WINDOW_S * stretch.hello.rate_hz:
             self._judge(source)
             stretch.rows, stretch.length = [], 0
 
     def _judge(self, source: SourceKey) -> None:
         stretch = self._stretches.get(source)
-        if stretch is None or stretch.hello is None or stretch.length < 0.9 * _WINDOW_S * stretch.hello.rate_hz:
+        if stretch is None or stretch.length < 0.9 * _WINDOW_S * stretch.hello.rate_hz:
             return
         hello = stretch.hello
         axes = [axis for axis in Axis if hello.axes >> axis & 1]
@@ -115,17 +120,26 @@ class SignalRules:
             self._ledger.leave(Clause.SCALE, Reason(FirmwareCode.CHECK_NOT_DONE, why="no_radial_axis"))
             return
         radial = values[:, axes.index(Axis.RADIAL)]
-        self._axes(source, axes, values, np.ptp(counts, axis=0) == 0.0, hello)
-        period_s = rotation_period_s(radial, hello.rate_hz)
-        if period_s is None or period_s < _MIN_PERIOD_S or float(radial.std()) < _ROLLING_MPS2:
+        self._axes(source, axes, values, counts, hello)
+        period_s = self._rolling_period_s(counts[:, axes.index(Axis.RADIAL)], hello)
+        if period_s is None:
             self._note_rest(values, mean)
             return
         self._ledger.check(Clause.COUPLING)
         if hello.coupling == Coupling.AC:
             self._ledger.leave(Clause.SCALE, Reason(FirmwareCode.CHECK_NOT_DONE, why="ac_has_no_scale"))
             return
-        expected = self._radius_m * (2.0 * math.pi / period_s) ** 2
-        self._levels.setdefault(source, []).append((abs(float(radial.mean())), expected))
+        self._levels.setdefault(source, []).append((abs(float(radial.mean())), self._expected_mps2(period_s)))
+
+    def _expected_mps2(self, period_s: float) -> float:
+        return self._radius_m * (2.0 * math.pi / period_s) ** 2
+
+    def _rolling_period_s(self, counts: FloatArray, hello: Hello) -> float | None:
+        """Return the time of a revolution by the counts of an axis; None where the wheel does not roll, or slowly."""
+        period_s = rotation_period_s(counts, hello.rate_hz)
+        if period_s is None or period_s < _MIN_PERIOD_S or self._expected_mps2(period_s) < _ROLLING_EXPECTED_MPS2:
+            return None
+        return period_s if float(counts.std()) >= _ROLLING_STD_SHARE * hello.saturation_counts else None
 
     def _check_copies(self, source: SourceKey, recent: dict[bytes, int], block: SampleBlock) -> None:
         """Compare a block with those before it: noise does not repeat."""
@@ -142,17 +156,14 @@ class SignalRules:
         if len(recent) > _COMPARED_BLOCKS:
             del recent[next(iter(recent))]
 
-    def _axes(
-        self, source: SourceKey, axes: list[Axis], values: FloatArray, are_constant: NDArray[np.bool_], hello: Hello
-    ) -> None:
+    def _axes(self, source: SourceKey, axes: list[Axis], values: FloatArray, counts: FloatArray, hello: Hello) -> None:
         """Judge order and sign of the axes of a stretch that rolls, and that none stands."""
         mean = values.mean(axis=0)
         highest = int(np.argmax(np.abs(mean)))
-        period_s = rotation_period_s(values[:, highest], hello.rate_hz)
-        if period_s is None or float(values[:, highest].std()) < _ROLLING_MPS2:
+        if self._rolling_period_s(counts[:, highest], hello) is None:
             return
         subject, radial_mps2 = source_name(source), float(mean[axes.index(Axis.RADIAL)])
-        for axis in (axis for axis, is_constant in zip(axes, are_constant, strict=True) if is_constant):
+        for axis in (axis for axis, span in zip(axes, np.ptp(counts, axis=0), strict=True) if span == 0.0):
             reason = Reason(
                 FirmwareCode.COUNTS_WRONG,
                 how="axis_stands",
@@ -184,10 +195,11 @@ class SignalRules:
         agreeing = np.abs(np.log2(ratio / ratio[median_index])) < 0.5
         if agreeing.mean() < _AGREEING_SHARE:
             return
-        reason = Reason(
+        level_mps2, expected_mps2 = map(float, levels[median_index])
+        reason = mistaken_unit(level_mps2, expected_mps2, self._stretches[source].hello.rate_hz) or Reason(
             FirmwareCode.SCALE_OFF_BY_POWER_OF_TWO,
-            level_mps2=float(levels[median_index, 0]),
-            expected_mps2=float(levels[median_index, 1]),
+            level_mps2=level_mps2,
+            expected_mps2=expected_mps2,
             ratio=float(ratio[median_index]),
             power=round(math.log2(ratio[median_index])),
             radius_m=self._radius_m,

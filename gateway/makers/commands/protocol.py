@@ -10,7 +10,7 @@ import click
 from gateway.core.cli.command_group import CommandGroup
 from gateway.core.cli.options import FiniteRange, force_option, keys_option
 from gateway.core.cli.path_option import path_option
-from gateway.core.errors import TreadlinkError
+from gateway.core.errors import RecordingError, TreadlinkError
 from gateway.core.text.output_file import check_outputs, write_whole
 
 _OUT = click.option(
@@ -107,6 +107,12 @@ def check(
                 click.echo(line)
     if junit is not None:
         write_whole(junit, junit_xml(reports), force=force)
+    if not any(report.size_bytes for report in reports):
+        if is_file(source):
+            raise RecordingError(f"no byte of a hub is in '{source}'", "Record the hub again, or give another file.")
+        raise TreadlinkError(
+            f"no byte arrived from '{source}'", "Is the hub powered? Check its port, the baud rate and the wire."
+        )
     if any(report.count(Verdict.FAILED) or not report.frames for report in reports):
         raise SystemExit(exit_status.NO_RESULT)
 
