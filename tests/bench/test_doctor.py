@@ -272,10 +272,10 @@ def axes_of(path: Path) -> dict[str, Check]:
 
 def test_one_recorded_curve_answers_whether_lateral_axes_point_to_the_left(tmp_path: Path) -> None:
     path = recorded(tmp_path, "right", "[[0, 0], [5, 0], [6, 9], [10, 9], [11, 0]]")
-    found = axes_of(path)
-    assert found.keys() == {"lateral axis of FL", "lateral axis of FR"}
-    assert {check.level for check in found.values()} == {Level.OK}
-    assert all(check.text.startswith("points to the left, as curves show") for check in found.values())
+    axes = axes_of(path)
+    assert axes.keys() == {"lateral axis of FL", "lateral axis of FR"}
+    assert {check.level for check in axes.values()} == {Level.OK}
+    assert all(check.text.startswith("points to the left, as curves show") for check in axes.values())
     assert "lateral axis of FL" in invoked("doctor", path, "--json").output
 
 

@@ -19,8 +19,8 @@ def test_every_quantity_is_explained_by_its_name_and_its_label():
 
 
 def test_names_that_screens_print_are_known():
-    known = {name for entry in entries() for name in entry.names}
-    assert {plain_name(quantity.name) for quantity in declared()} <= known
+    printed = {name for entry in entries() for name in entry.names}
+    assert {plain_name(quantity.name) for quantity in declared()} <= printed
 
 
 def test_every_effect_and_reason_has_an_entry():

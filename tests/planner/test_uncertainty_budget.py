@@ -169,8 +169,8 @@ def test_an_error_that_nobody_stated_is_called_assumed() -> None:
 def test_what_a_vehicle_file_leaves_open_has_the_name_of_a_source() -> None:
     names = {source.name for source in SOURCES}
     (stated,) = parse_vehicle(VEHICLE.format(**CAREFUL), "").wheel_setups()
-    kept = VEHICLE.format(**CAREFUL).splitlines()
-    (bare,) = parse_vehicle("\n".join(line for line in kept if "_std_" not in line), "").wheel_setups()
+    lines = VEHICLE.format(**CAREFUL).splitlines()
+    (bare,) = parse_vehicle("\n".join(line for line in lines if "_std_" not in line), "").wheel_setups()
     assert bare.assumed_errors <= names
     assert bare.assumed_errors - stated.assumed_errors == {
         "load", "pressure", "belt radius", "sensor depth", "sampling rate", "lateral gain"
