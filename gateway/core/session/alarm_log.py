@@ -123,15 +123,12 @@ class AlarmLog:
             covers: whether this call decides on an alarm; others stay as they are.
         """
         notices: list[Notice] = []
-        present_keys: set[AlarmKey] = set()
-        for alarm in present:
-            key = alarm.position, alarm.name
-            # Of several reasons of one alarm the first counts.
-            if covers(key) and key not in present_keys:
-                present_keys.add(key)
-                notices += self._raise_or_remind(key, alarm, at_s)
+        # Of several reasons of one alarm the last counts: they would replace each other at each update.
+        present_alarms = {key: alarm for alarm in present if covers(key := (alarm.position, alarm.name))}
+        for key, alarm in present_alarms.items():
+            notices += self._raise_or_remind(key, alarm, at_s)
         standing = [key for key, entry in self._entries.items() if entry.is_standing]
-        ended_keys = [key for key in standing if key not in present_keys and key not in hidden and covers(key)]
+        ended_keys = [key for key in standing if key not in present_alarms and key not in hidden and covers(key)]
         present_values = values() if ended_keys else {}
         for key in ended_keys:
             notices += self._clear(key, at_s, present_values.get(key))

@@ -15,6 +15,8 @@ from gateway.core.wheels.timebase import HostClock
 
 # A quarter of the time in which ticks wrap.
 _LONG_SILENCE_NS: Final = 1000 << 30
+# By which frames may arrive earlier or later after a silence.
+_ARRIVAL_ERROR_US: Final = 30_000_000
 
 
 class Hub:
@@ -41,7 +43,11 @@ class Hub:
         """Take the tick and any arrival of the next frame; return its hub time without wraps."""
         # Ticks may have wrapped in a silence.
         silence_us = self.host.silence_us(host_ns) if host_ns is not None else 0
-        self.last_us = tick_us if self.last_us is None else unwrap(self.last_us + silence_us, tick_us)
+        last_us = self.last_us if self.last_us is not None else tick_us
+        self.last_us = unwrap(last_us + silence_us, tick_us)
+        # Arrivals whose clock was set are no silence.
+        if abs(self.last_us - last_us - silence_us) > _ARRIVAL_ERROR_US + 1e-3 * silence_us:
+            self.last_us = unwrap(last_us, tick_us)
         if host_ns is not None:
             self.host.stamp(self.last_us, host_ns)
         return self.last_us

@@ -186,7 +186,7 @@ def test_alarm_is_raised_and_over_with_time_and_value() -> None:
     assert not record.is_standing
 
 
-def test_of_several_reasons_of_one_alarm_the_first_counts() -> None:
+def test_of_several_reasons_of_one_alarm_the_last_counts() -> None:
     log = AlarmLog()
     high = Alarm(*KEY, Reason(SessionCode.VALUE_ABOVE_LIMIT, quantity="pressure_pa", value=290e3, limit=260e3))
     assert len(log.update([low(), high], 0.0)) == 1
