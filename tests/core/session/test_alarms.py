@@ -191,7 +191,7 @@ def test_of_several_reasons_of_one_alarm_the_last_counts() -> None:
     high = Alarm(*KEY, Reason(SessionCode.VALUE_ABOVE_LIMIT, quantity="pressure_pa", value=290e3, limit=260e3))
     assert len(log.update([low(), high], 0.0)) == 1
     assert log.update([low(), high], 0.1) == []
-    assert log.records()[0].reason.code is SessionCode.VALUE_BELOW_LIMIT
+    assert log.records()[0].reason.code is SessionCode.VALUE_ABOVE_LIMIT
 
 
 def test_alarm_that_flutters_does_not_flood() -> None:
