@@ -141,8 +141,8 @@ def main() -> None:
     cpu = platform.processor() or platform.machine()
     print(f"{cpu}, {os.cpu_count()} cores, one thread used; Python {platform.python_version()},")
     print(f"numpy {np.__version__}, scipy {scipy.__version__}")
-    result, samples, centres = turns()
-    print_stages(result, samples, centres)
+    result = turns()
+    print_stages(result)
     print_scipy(result[-1])
 
 
