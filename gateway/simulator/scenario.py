@@ -191,8 +191,8 @@ def vehicle_toml(scenario: Scenario, *, signed: bool = False) -> str:
     return toml_text({"vehicle": {"name": scenario.scenario.name}, "wheel": wheels, **security})
 
 
-def _claimed(stated: float | None, true: float) -> float:
-    return true if stated is None else stated
+def _claimed(claim: float | None, true: float) -> float:
+    return true if claim is None else claim
 
 
 def _meant(angle_deg: float) -> float:

@@ -581,9 +581,9 @@ class VehicleConfig(Section):
         yield from ((quantity, default, tuple(wheels)) for (quantity, default), wheels in positions.items())
 
     def _assumed_errors_of(self, wheel: Wheel) -> dict[str, str]:
-        tire, stated = self.tire_of(wheel), wheel.sensor.model_fields_set | wheel.mounting.model_fields_set
+        tire, keys = self.tire_of(wheel), wheel.sensor.model_fields_set | wheel.mounting.model_fields_set
         has_no_softening_std = tire.reference.Bs is not None and tire.reference.softening_std_percent_per_k is None
-        has_no_depth_std = "offset_mm" in stated and "offset_std_mm" not in stated
+        has_no_depth_std = "offset_mm" in keys and "offset_std_mm" not in keys
         loads = [(axle.weight_kg, axle.weight_std_kg) for axle in self.axle if wheel.position in axle.wheels]
         loads.append((wheel.load_n, wheel.load_std_n))
         defaults = (
@@ -591,12 +591,12 @@ class VehicleConfig(Section):
             ("load", f"{100.0 * LOAD_STD:g} %", any(std is None for load, std in loads if load is not None)),
             ("pressure", f"{100.0 * PRESSURE_STD:g} %", tire.pressure_std_kpa is None),
             ("wear", f"{_WEAR_STD_MM:g} mm", tire.wear_mm is not None and tire.wear_std_mm is None),
-            ("sampling rate", f"{CLOCK_STD_PERCENT:g} %", "rate_std_percent" not in stated),
-            ("gain", f"{100.0 * GAIN_STD:g} %", "gain_std_percent" not in stated),
-            ("lateral gain", f"{100.0 * AXIS_GAIN_STD:g} %", "lateral_gain_std_percent" not in stated),
-            ("circumferential gain", f"{100.0 * AXIS_GAIN_STD:g} %", "circumferential_gain_std_percent" not in stated),
-            ("linearity", f"{100.0 * NONLINEARITY_STD:g} %", "nonlinearity_std_percent" not in stated),
-            ("zero-g offset", f"{ZERO_G_STD_MPS2:g} m/s^2", "zero_g_std_mps2" not in stated),
+            ("sampling rate", f"{CLOCK_STD_PERCENT:g} %", "rate_std_percent" not in keys),
+            ("gain", f"{100.0 * GAIN_STD:g} %", "gain_std_percent" not in keys),
+            ("lateral gain", f"{100.0 * AXIS_GAIN_STD:g} %", "lateral_gain_std_percent" not in keys),
+            ("circumferential gain", f"{100.0 * AXIS_GAIN_STD:g} %", "circumferential_gain_std_percent" not in keys),
+            ("linearity", f"{100.0 * NONLINEARITY_STD:g} %", "nonlinearity_std_percent" not in keys),
+            ("zero-g offset", f"{ZERO_G_STD_MPS2:g} m/s^2", "zero_g_std_mps2" not in keys),
             ("sensor depth", f"{1e3 * HAND_MOUNTED_STD_M:g} mm", has_no_depth_std),
             ("softening by temperature", f"{100.0 * SOFTENING_STD_PER_K:g} %/K", has_no_softening_std),
         )

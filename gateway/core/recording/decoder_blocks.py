@@ -14,8 +14,8 @@ from gateway.core.links.source import Chunk
 # A wheel's revolutions in a block are worked on together: 80 of a car's at 100 km/h.
 _BLOCK_BYTES: Final = 1 << 21
 _BLOCK_CHUNKS: Final = 1 << 16
-# Of several links, none may run further ahead of the others: alarms and pairs of wheels compare their times.
-_WINDOW_NS: Final = 1_000_000_000
+LINKS_APART_NS: Final = 1_000_000_000
+"""Time by which frames of a link may be ahead of those of another: alarms and pairs of wheels compare their times."""
 
 
 class LinkBlocks:
@@ -100,7 +100,7 @@ class DecodedLinks:
         if blocks is None:
             gate = self._gates.gate(chunk.link) if self._gates is not None else None
             blocks = self._links[chunk.link] = LinkBlocks(chunk.link, gate)
-        if len(self._links) > 1 and not 0 <= chunk.host_ns - self._window_ns < _WINDOW_NS:
+        if len(self._links) > 1 and not 0 <= chunk.host_ns - self._window_ns < LINKS_APART_NS:
             self._window_ns = chunk.host_ns
             yield from self.waiting()
         for batch, arrivals_ns in blocks.add(chunk):

@@ -24,6 +24,7 @@ from gateway.core.estimates.results import (
 from gateway.core.links.reasons import LinkCode
 from gateway.core.links.source import LinkEvent, LinkEventKind, VehicleData
 from gateway.core.reasons import Notice, Reason
+from gateway.core.recording.decoder_blocks import LINKS_APART_NS
 from gateway.core.session.alarm_log import AlarmLog
 from gateway.core.session.alarms import (
     SILENCES,
@@ -53,8 +54,6 @@ REVIEW_INTERVAL_NS: Final = 100_000_000
 # A link that was never open, or that has ended as it should, is no alarm in the history.
 _NORMAL_DOWN: Final = frozenset({SessionCode.LINK_NOT_OPEN, LinkCode.LINK_ENDED})
 _BUS_SLOT_NS: Final = 50_000_000
-# Frames of one link of a recording may be taken so long before those of another: a window of its decoders.
-_LINKS_APART_NS: Final = 1_000_000_000
 _STREAM_ALARMS: Final = frozenset({*SILENCES, AlarmName.LINK})
 _MEASURED_ALARMS: Final = _STREAM_ALARMS | THRESHOLDS
 
@@ -87,8 +86,8 @@ class AlarmWatch(ABC):
         self._pipeline = pipeline
         self._review_due_ns: dict[str, int] = {}
         self._hub_names: HubNames = {}
-        # Link that was brought to a time last.
-        self._brought = ""
+        # Link whose time is the present one.
+        self._link = ""
 
     @abstractmethod
     def review(self) -> list[Notice]:
@@ -97,7 +96,7 @@ class AlarmWatch(ABC):
     def advance(self, link: str, now_ns: int) -> list[Notice]:
         """Bring a link to a time before its next frame is taken; return new notices."""
         notices: list[Notice] = []
-        self._brought = link
+        self._link = link
         for _ in self.silence.changes(link, now_ns):
             notices += self.review()
         review_due_ns = self._review_due_ns.get(link, 0)
@@ -272,8 +271,8 @@ class RecordingAlarms(AlarmWatch):
         # A link that is silent has no frames that bring it forward.
         for other in self._going_on():
             if other != link and other not in self._arrivals:
-                self._brought = other
-                for _ in self.silence.changes(other, now_ns - _LINKS_APART_NS):
+                self._link = other
+                for _ in self.silence.changes(other, now_ns - LINKS_APART_NS):
                     self.review()
         return super().advance(link, now_ns)
 
@@ -334,7 +333,7 @@ class RecordingAlarms(AlarmWatch):
         wheels = self._pipeline.wheels()
         flags = [Alarm(wheel.position, flag.name, flag.reason) for wheel in wheels for flag in wheel.flags]
         flags += self._witnesses()
-        self.log.update(flags, self.silence.link_s(self._brought), covers=lambda key: key[1] not in _MEASURED_ALARMS)
+        self.log.update(flags, self.silence.link_s(self._link), covers=lambda key: key[1] not in _MEASURED_ALARMS)
 
     def finish(self) -> tuple[AlarmRecord, ...]:
         """Return the history of every alarm, with the silences that last to the end of the recording."""
@@ -355,7 +354,7 @@ class RecordingAlarms(AlarmWatch):
         outside = {(position, AlarmName.ENVIRONMENT) for position in self._old}
         return self._update(
             present,
-            self.silence.link_s(self._brought),
+            self.silence.link_s(self._link),
             wheels,
             several_links=several,
             covers=lambda key: key[1] in _STREAM_ALARMS and key not in outside,
