@@ -101,7 +101,7 @@ def update_times(name: str, result: list[Turn]) -> np.ndarray:
     """Time of each update in turn, in microseconds, without that of others before it; none where none estimates."""
     names = [other for other in ESTIMATORS if other != "forward" or name == "forward"]
     chain: list[Estimator] = [make_estimator(other) for other in names[: names.index(name) + 1]]
-    durations, is_given = [], False
+    durations, has_estimate = [], False
     for turn in result:
         earlier: dict[str, dict[str, object]] = {}
         for estimator in chain:
@@ -111,8 +111,8 @@ def update_times(name: str, result: list[Turn]) -> np.ndarray:
             elapsed = time.perf_counter() - begin
             earlier[estimator.name] = {estimate.name: estimate for estimate in estimates}
         durations.append(1e6 * elapsed)
-        is_given = is_given or any(math.isfinite(estimate.value) for estimate in estimates)
-    return np.array(durations if is_given else [])
+        has_estimate = has_estimate or any(math.isfinite(estimate.value) for estimate in estimates)
+    return np.array(durations if has_estimate else [])
 
 
 def print_scipy(turn: Turn) -> None:

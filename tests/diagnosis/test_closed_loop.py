@@ -348,6 +348,7 @@ def test_what_differs_is_noted() -> None:
     same = table_of(effects, sensor_id=0xB001, vehicle="rig", tire="205/55 R16")
     assert transfer(stated, same).notes == campaign.notes
     # What one of both does not state, or the fit finds, is no difference.
+    assert transfer(campaign, same).notes == campaign.notes
     conditions = [replace(item, offset_measured=True) for item in ONE_SPEED]
     measured = campaign_of(conditions, turned(LATERAL, ROLL_RAD), axes=ALL_AXES, seed=9)
     alike = transfer(measured, replace(same, sensor_offset_m=2e-3))
