@@ -60,6 +60,9 @@ _CURVE_MPS2: Final = 4.0
 _TRACK_M: Final = 2.1
 # Results of one wheel come up to so much later than those of the other: live, they wait for the next ones.
 _MAX_DELAY_NS: Final = 10_000_000_000
+# Part of the speed by which accelerations that differ change it until the middle of the other revolution: without a
+# neighbour, a revolution has none. A curve makes three times as much.
+_MOST_CHANGE: Final = 1e-3
 # Quantity that side force displaces, with the sign of the lateral axis.
 _BELT_SHIFT: Final = "belt_shift_m"
 # Changes of the verdict that are remembered.
@@ -179,12 +182,14 @@ class _Pair:
             if abs(candidate.middle_ns - turn.middle_ns) < min(turn.half_ns, candidate.half_ns):
                 left, right = (turn, candidate) if side == 0 else (candidate, turn)
                 # Within the half revolution that they may be apart, a speed that changes would look like a curve.
-                acceleration_mps2 = 0.5 * (left.acceleration_mps2 + right.acceleration_mps2)
-                gain_mps = acceleration_mps2 * 1e-9 * (right.middle_ns - left.middle_ns)
+                apart_s = 1e-9 * (right.middle_ns - left.middle_ns)
+                gain_mps = 0.5 * (left.acceleration_mps2 + right.acceleration_mps2) * apart_s
+                change_mps = abs((left.acceleration_mps2 - right.acceleration_mps2) * apart_s)
+                is_known = change_mps < _MOST_CHANGE * left.speed_mps
                 pair = _RevolutionPair(
                     max(turn.end_ns, candidate.end_ns),
                     turn.direction * candidate.direction,
-                    (right.speed_mps - gain_mps) / left.speed_mps,
+                    (right.speed_mps - gain_mps) / left.speed_mps if is_known else math.nan,
                     left.speed_mps,
                     math.hypot(left.speed_std, right.speed_std),
                     (left.rate_radps, right.rate_radps),

@@ -130,6 +130,28 @@ def test_braking_is_no_curve_though_the_wheels_revolve_at_other_times() -> None:
     assert verified == []
 
 
+def test_revolution_without_an_acceleration_is_no_curve() -> None:
+    """The first one of a wheel has no neighbour before it, and the belt's shift has not settled."""
+    rng, taken = np.random.default_rng(6), []
+    for position, start_s in (("FL", 0.0), ("FR", 0.02)):
+        wheel, time_s = braking(position, 0.32, 1), start_s
+        for index, item in enumerate(wheel[:60]):
+            time_s += item.revolution.period_s
+            omega_dot_radps2 = item.revolution.omega_dot_radps2
+            slower_radps = omega_dot_radps2 * start_s
+            revolution = replace(
+                item.revolution,
+                omega_radps=item.revolution.omega_radps + slower_radps,
+                omega_dot_radps2=omega_dot_radps2 if index or start_s else 0.0,
+            )
+            shift_m = -3e-4 - 1.7e-4 * np.exp(-index / 2.0) + rng.normal(0.0, 5e-6)
+            estimates = (Estimate("belt_shift_m", shift_m, 1e-4, Status.VALID),)
+            taken.append(replace(item, host_ns=round(1e9 * time_s), revolution=revolution, estimates=estimates))
+    pairs = WheelPairs()
+    list(pairs.compared(taken))
+    assert [pairs.axis(position).sign for position in ("FL", "FR")] == [0, 0]
+
+
 def test_rates_without_a_difference_of_speeds_say_nothing() -> None:
     rng = np.random.default_rng(3)
     sign = LateralSign()
