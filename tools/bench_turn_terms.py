@@ -1,10 +1,11 @@
-"""Ply steer and roll with the terms of a turn on the lateral axis, before and after their removal.
+"""Size of the terms of a turn, and what they do to ply steer, conicity and roll before and after their removal.
 
     python tools/bench_turn_terms.py
 
-A simulated tire on a flat road at 65 km/h. The terms are added to its lateral axis and nothing else is changed: it
-slips as on a straight. "Left in" is without the turn's tracker. "From the start" turns from the first revolution on,
-"after 60" goes straight before. An asterisk marks what is valid and more than 2.5 errors from the straight.
+The sizes are the largest of a revolution on an axis. Then a simulated tire rolls on a flat road at 65 km/h. The terms
+are added to its lateral axis and nothing else is changed: it slips as on a straight. "Left in" is without the turn's
+tracker. "From the start" turns from the first revolution on, "after 60" goes straight before. An asterisk marks what is
+valid and more than 2.5 errors from the straight.
 """
 
 import math
@@ -22,7 +23,22 @@ from gateway.ring.turning_wheel import HubMotion, turning_acceleration
 from tools.generators.lateral_signals import RADIUS_M, Sensor, lateral, radial, samples, through_pipeline
 
 SPEED_MPS = 65.0 / 3.6
-NAMES = ("ply_steer_ahead_rad", "ply_steer_contact_line_rad", "ply_steer_peak_rad", "sensor_roll_rad")
+NAMES = (
+    "ply_steer_ahead_rad",
+    "ply_steer_contact_line_rad",
+    "ply_steer_peak_rad",
+    "conicity_slope_rad",
+    "sensor_roll_rad",
+)
+# A tight curve that a lane change turns into the other one within a second, and its camber.
+TERMS = {
+    "turn 0.3 rad/s": HubMotion(turn_radps=0.3),
+    "camber 0.05 rad/s": HubMotion(camber_radps=0.05),
+    "turn 1.1 rad/s2": HubMotion(turn_radps2=1.1),
+    "turn at 3 deg camber": HubMotion(turn_radps=0.3, camber_rad=math.radians(3.0)),
+    "turn and camber rate": HubMotion(turn_radps=0.3, camber_radps=0.05),
+}
+SPEEDS_KMH = (30.0, 65.0, 130.0)
 # Turn and camber rate in rad/s.
 MOTIONS = {
     "straight": (0.0, 0.0),
@@ -59,9 +75,27 @@ def block(title: str, straights: int) -> None:
         print(f"{title:15s} {name:18s}", "".join(cells))
 
 
+def sizes() -> None:
+    """Print the terms at three speeds; without those of a turn alone where it is one of two."""
+    angles = np.linspace(0.0, 2.0 * math.pi, 360, endpoint=False)
+    print(f"{'m/s2':24s}" + "".join(f"{f'{speed:.0f} km/h: lateral, others':>32s}" for speed in SPEEDS_KMH))
+    for name, motion in TERMS.items():
+        cells = []
+        for speed_kmh in SPEEDS_KMH:
+            omega = speed_kmh / 3.6 / RADIUS_M
+            added = turning_acceleration(angles, omega, RADIUS_M, motion)
+            if name != next(iter(TERMS)) and motion.turn_radps:
+                for alone in (HubMotion(turn_radps=motion.turn_radps), HubMotion(camber_radps=motion.camber_radps)):
+                    added -= turning_acceleration(angles, omega, RADIUS_M, alone)
+            circumferential, lateral_mps2, radial_mps2 = np.abs(added).max(axis=0)
+            cells.append(f"{lateral_mps2:21.3f} {max(circumferential, radial_mps2):10.3f}")
+        print(f"{name:24s}" + "".join(cells))
+
+
 def main() -> None:
-    """Print the table."""
-    print(f"{'deg':34s}        ahead     contact line             peak             roll")
+    """Print the tables."""
+    sizes()
+    print(f"{'deg':34s}        ahead     contact line             peak         conicity             roll")
     with patch.object(TurnTracker, "take", lambda *_arguments: NO_TURN):
         block("left in", 0)
     block("from the start", 0)

@@ -86,6 +86,7 @@ class Path:
         slip, toward_mps2 = np.asarray(self.slip_rad.at_times(time_s)), yaw * omega_radps * radius_m
         motion = HubMotion(
             turn_radps=yaw + self.slip_rad.rates_at(time_s),
+            turn_radps2=direction * self.yaw_radps.rates_at(time_s),
             camber_rad=self.camber_rad.at_times(time_s),
             camber_radps=self.camber_rad.rates_at(time_s),
             forward_mps2=toward_mps2 * np.sin(slip),

@@ -33,7 +33,9 @@ class Drive:
         self.camber = rng.normal(0.0, [0.1, 0.5, 0.7])
         self.path = rng.normal(0.0, 1.0, (3, 3)) * [[0.0, 18.0, 3.0], [0.0, 2.0, 3.0], [0.0, 0.1, 0.5]]
         self.spin = np.array([rng.uniform(0.0, 6.0), OMEGA, rng.normal(0.0, 3.0)])
-        self.grade, self.bank = rng.normal(0.0, 0.1, 2)
+        # Of the vertical along the road at time 0: a slope in one direction and one across it.
+        upward = np.append(rng.normal(0.0, 0.1, 2), 1.0)
+        self.upward = upward / np.linalg.norm(upward)
 
     def polynomial(self, coefficients: np.ndarray, time_s: np.ndarray) -> np.ndarray:
         return coefficients[0] + coefficients[1] * time_s + 0.5 * coefficients[2] * time_s**2
@@ -53,9 +55,11 @@ class Drive:
         return hub + self.to_road(time_s, -RADIUS_M * np.sin(theta), 0.0 * theta, -RADIUS_M * np.cos(theta))
 
     def motion(self, time_s: float) -> HubMotion:
-        """Return what the functions take at a time; the hub's acceleration along its heading there."""
+        """Return what the functions take at a time; acceleration of the hub, grade and bank along its heading there."""
         yaw = float(self.polynomial(self.yaw, np.array(time_s)))
         x, y, z = self.path[:, 2]
+        uphill, leftward, normal = self.upward
+        ahead, across = uphill * np.cos(yaw) + leftward * np.sin(yaw), leftward * np.cos(yaw) - uphill * np.sin(yaw)
         return HubMotion(
             turn_radps=self.yaw[1] + self.yaw[2] * time_s,
             turn_radps2=self.yaw[2],
@@ -65,8 +69,8 @@ class Drive:
             forward_mps2=x * np.cos(yaw) + y * np.sin(yaw),
             left_mps2=y * np.cos(yaw) - x * np.sin(yaw),
             upward_mps2=z,
-            grade_rad=0.0,
-            bank_rad=0.0,
+            grade_rad=math.asin(ahead),
+            bank_rad=math.atan2(across, normal),
         )
 
 
@@ -74,16 +78,16 @@ class Drive:
 def test_point_of_a_moving_wheel_feels_what_its_positions_do(seed: int) -> None:
     drive = Drive(seed)
     for time_s in (0.0, 0.013, 0.31, 0.77):
-        acceleration = second_derivative(drive.position, time_s)
+        force = second_derivative(drive.position, time_s) + STANDARD_GRAVITY_MPS2 * drive.upward
         motion = drive.motion(time_s)
         theta = np.array([drive.polynomial(drive.spin, np.array(time_s))])
         omega = drive.spin[1] + drive.spin[2] * time_s
         travel, inward = (axis[0] for axis in sensor_axes(theta))
         read = turning_acceleration(theta, omega, RADIUS_M, motion)[0]
-        at_hub = motion.force_mps2(gravity_mps2=0.0)
+        at_hub = motion.force_mps2()
         read += np.array([at_hub @ travel + RADIUS_M * drive.spin[2], at_hub[1], at_hub @ inward + RADIUS_M * omega**2])
         for component, axis in zip(read, (travel, np.array([0.0, 1.0, 0.0]), inward), strict=True):
-            positioned = acceleration @ drive.to_road(np.array([time_s]), *axis[:, np.newaxis])[:, 0]
+            positioned = force @ drive.to_road(np.array([time_s]), *axis[:, np.newaxis])[:, 0]
             assert component == pytest.approx(positioned, abs=1e-9 * RADIUS_M * OMEGA**2)
 
 

@@ -77,6 +77,21 @@ def test_lateral_axis_reads_coriolis_and_centripetal_acceleration() -> None:
     assert 2.0 * (added[whole] * np.sin(angle)).mean() == pytest.approx(0.0, abs=0.02 * speed * yaw)
 
 
+def test_lateral_axis_reads_the_angular_acceleration_of_a_turn() -> None:
+    straight, turning = (
+        read(plans(motion)[0])[:, 1]
+        for motion in ("track_m = 0.0", "yaw_rate_degps = [[0, -30], [0.4, 30]]\ntrack_m = 0.0")
+    )
+    plan = plans()[0]
+    added = (turning - straight) * SensorChain(plan.sensor, np.random.default_rng(0), plan.defect).scale_mps2[1]
+    time_s = np.arange(len(added)) / plan.sample_rate_hz
+    angle = 15.0 / plan.radius_m * time_s
+    turns = np.column_stack([time_s, np.ones(len(added))])
+    rows = np.column_stack([turns, turns * np.cos(angle)[:, np.newaxis], np.sin(angle)])
+    expected_mps2 = -plan.radius_m * math.radians(150.0)
+    assert np.linalg.lstsq(rows, added, rcond=None)[0][-1] == pytest.approx(expected_mps2, rel=0.1)
+
+
 @pytest.mark.parametrize("yaw_degps", [20.0, -20.0])
 def test_slip_heads_into_the_curve(yaw_degps: float) -> None:
     slip = f"slip_angle_deg = {math.copysign(5.0, yaw_degps)}"
