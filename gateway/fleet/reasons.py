@@ -66,7 +66,7 @@ class FleetCode(Codes):
     TREND_NO_VALUES = Code("no recording has a value: {why}")
     TREND_NOT_MEASURED = Code(
         "no sensor has sent a {quantity}",
-        quantity={"temperature": "temperature, which the comparison of pressures needs"},
+        quantity={"temperature": "temperature, without which a colder season looks like a loss of pressure"},
     )
     TREND_NOW_SINCE = Code("by the {count} recordings since {date}, which differ from the earlier trend")
     TREND_OUTLIERS_LEFT_OUT = Code("{count} outliers are not used")
@@ -107,7 +107,7 @@ class FleetCode(Codes):
     TREND_SENSOR_NOISE = Code("sensor: its noise is {factor:.1f} ± {std:.1f} times as large as before")
     TREND_SENSOR_STEADY = Code(
         "sensor: its gain or its zero has changed. Record at several speeds to know which (its steady radial value by "
-        "{share:±{std} %}, a zero by {change_mps2:.1f m/s²})"
+        "{share:±{std} %}, a zero by {change_mps2:±{zero_std_mps2} m/s²})"
     )
     TREND_SLOPE_CHANGED = Code(
         "{name:series} has another trend, and is {change:±{std} of {unit}} from its earlier one at the end ({count} "

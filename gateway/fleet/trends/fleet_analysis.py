@@ -1,6 +1,7 @@
 """Trends of a fleet: every tire's numbers by regression over its recordings."""
 
 import math
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
@@ -62,10 +63,17 @@ def analyse(
     """
     family = max(1, len(histories)) * _SERIES_OF_TIRE
     tires = [part for history in histories for part in _tires_of(history, family)]
-    readings = [plausible_readings(tire) for tire in tires]
+    wheels: dict[str, list[TireHistory]] = defaultdict(list)
+    for history in histories:
+        wheels[history.vehicle].append(history)
+    readings = [
+        plausible_readings(tire, [other for other in wheels[tire.vehicle] if other.position != tire.position])
+        for tire in tires
+    ]
     colds = [cold_kpa(tire, reading) for tire, reading in zip(tires, readings, strict=True)]
     stuck = [
-        is_constant(reading.temperature_degc[np.isfinite(cold)]) for reading, cold in zip(readings, colds, strict=True)
+        not reading.has_temperature or is_constant(reading.temperature_degc[np.isfinite(cold)])
+        for reading, cold in zip(readings, colds, strict=True)
     ]
     trends = [
         _trend_of(TireWork(tire, family, reading, stated_changes(tire), cold))
@@ -251,7 +259,8 @@ def _with_fast_wear(tires: Sequence[TireTrend]) -> tuple[TireTrend, ...]:
             FleetCode.TREND_WEARS_FAST, rate_m=1e-3 * rate.value, std_m=1e-3 * rate.std, median_m=1e-3 * median_rate,
             since_s=1e-9 * tire.first_ns,
         )  # fmt: skip
-        results.append(replace(tire, findings=(finding, *tire.findings)) if is_fast else tire)
+        is_known = any(other.code is FleetCode.TREND_WEARS_SHORT for other in tire.findings)
+        results.append(replace(tire, findings=(finding, *tire.findings)) if is_fast and not is_known else tire)
     return tuple(results)
 
 

@@ -27,7 +27,7 @@ FILE: Final = "marked-findings.json"
 _FORMAT: Final = "treadlink marked findings"
 # Errors of both sizes by which a finding must have grown.
 _GROWN: Final = 3.5
-# Values of findings that are their size, with their errors.
+# Values of findings that are their size, with their errors; that of a count is its root.
 _SIZES: Final[Mapping[str, str]] = {
     "after_pa": "after_std_pa",
     "after_m": "after_std_m",
@@ -168,8 +168,8 @@ def size_of(finding: Reason) -> tuple[float, float]:
     values = dict(finding.values)
     for name, std in _SIZES.items():
         if name in values:
-            error = values.get(std, 0.0)
-            return float(str(values[name])), float(str(error))
+            size = float(str(values[name]))
+            return size, float(str(values.get(std, 0.0))) if std else math.sqrt(abs(size))
     return 0.0, 0.0
 
 

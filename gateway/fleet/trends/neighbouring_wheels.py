@@ -39,10 +39,12 @@ class Shared(NamedTuple):
     Attributes:
         cold_kpa: (n,) pressures without it.
         has_trend: whether the trend of the others is taken out too.
+        removed_kpa: standard deviation of what is taken out.
     """
 
     cold_kpa: FloatArray
     has_trend: bool = False
+    removed_kpa: float = 0.0
 
 
 def without_common(
@@ -103,11 +105,10 @@ def _common(
     median_scatter = max(_MAD_TO_STD * float(np.median(np.abs(medians - np.median(medians)))), _LEAST_SCATTER_KPA)
     own_changes = np.where(np.abs(deviations) > _OUTLIER_SCATTERS * scatter, deviations, 0.0)
     # Without temperatures a refill of all wheels is each one's own; a rise that goes back, as in mountains, is common.
-    level = np.concatenate([[0.0], np.cumsum(medians)])
-    for change in np.flatnonzero((medians > _OUTLIER_SCATTERS * max(median_scatter, scatter)) & stuck[number]).tolist():
-        before, after = level[max(change + 1 - _WINDOW, 0) : change + 1], level[change + 1 : change + 1 + _WINDOW]
-        if float(np.median(after) - np.median(before)) > 0.5 * float(medians[change]):
-            own_changes[:, change] = changes[:, change]
+    if stuck[number]:
+        level = np.concatenate([[0.0], np.cumsum(medians)])
+        for place in _lasting_rises(level, _OUTLIER_SCATTERS * max(median_scatter, scatter)):
+            own_changes[:, place - 1] = changes[:, place - 1]
     values -= np.concatenate([np.zeros((len(values), 1)), np.cumsum(own_changes, axis=1)], axis=1)
     values -= np.median(values, axis=1, keepdims=True)
     common = np.full(len(paths), np.nan)
@@ -125,11 +126,32 @@ def _reduced(cold_kpa: FloatArray, common: FloatArray, is_stuck: bool) -> Shared
         return Shared(cold_kpa)
     reduced = np.full(len(cold_kpa), np.nan)
     reduced[usable] = cold_kpa[usable] - part + float(part[-1]) * is_stuck
-    return Shared(reduced, is_stuck)
+    return Shared(reduced, is_stuck, float(part.std()))
+
+
+def _lasting_rises(values: FloatArray, least: float) -> list[int]:
+    """Return the places of rises larger than a least one that do not go back, as at refills."""
+    changes = np.diff(values)
+    return [
+        place
+        for place in (np.flatnonzero(changes > least) + 1).tolist()
+        if np.median(values[place : place + _WINDOW]) - np.median(values[max(place - _WINDOW, 0) : place])
+        > 0.5 * changes[place - 1]
+    ]
 
 
 def _running_median(values: FloatArray) -> FloatArray:
-    """Return the running median, which keeps the edges of refills."""
+    """Return the running median before and after each refill.
+
+    Across one it would be the highest of the values before and the lowest of those after: the rest would be a ramp.
+    """
+    changes = np.diff(values)
+    scatter = max(_MAD_TO_STD * float(np.median(np.abs(changes - np.median(changes)))), _LEAST_SCATTER_KPA)
+    refills = _lasting_rises(values, _OUTLIER_SCATTERS * scatter)
+    return np.concatenate([_median_of_part(part) for part in np.split(values, refills)])
+
+
+def _median_of_part(values: FloatArray) -> FloatArray:
     padded = np.pad(values, _WINDOW, constant_values=math.nan)
     return np.asarray(np.nanmedian(np.lib.stride_tricks.sliding_window_view(padded, 2 * _WINDOW + 1), axis=1))
 

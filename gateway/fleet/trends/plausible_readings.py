@@ -1,5 +1,6 @@
 """Pressures and temperatures of a history without those that a sensor cannot have measured."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Final, NamedTuple
 
@@ -16,6 +17,8 @@ from gateway.fleet.trends.tire_history import TireHistory
 _LEAST_RUN: Final = 4
 _LEAST_EXPECTED_PA: Final = 4000.0
 _MOST_RESOLUTION_PA: Final = 2500.0
+# Other wheels of the vehicle that tell what ambient pressure and altitude did.
+_LEAST_OTHERS: Final = 2
 # No sensor of a tire resolves it.
 _ROUNDING_PA: Final = 1.0
 
@@ -35,9 +38,19 @@ class PlausibleReadings(NamedTuple):
     is_impossible: BoolArray
     findings: tuple[Reason, ...]
 
+    @property
+    def has_temperature(self) -> bool:
+        """Whether any recording has one."""
+        return bool(np.isfinite(self.temperature_degc).any())
 
-def plausible_readings(history: TireHistory) -> PlausibleReadings:
-    """Return the readings without temperatures that no tire has, and without pressures of a stuck sensor."""
+
+def plausible_readings(history: TireHistory, others: Sequence[TireHistory] = ()) -> PlausibleReadings:
+    """Return the readings without temperatures that no tire has, and without pressures of a stuck sensor.
+
+    Args:
+        history: of the tire.
+        others: of the other wheels of its vehicle.
+    """
     degc, pressure_pa = history.column("temperature_degc"), history.column("pressure_pa").copy()
     with np.errstate(invalid="ignore"):
         impossible = (degc < TIRE_DEGC[0]) | (degc > TIRE_DEGC[1])
@@ -59,7 +72,10 @@ def plausible_readings(history: TireHistory) -> PlausibleReadings:
     least_pa = min(least_pa, _LEAST_EXPECTED_PA + _MOST_RESOLUTION_PA)
     for run in _runs(pressure_pa[measured]):
         rows = measured[run]
-        if rows.size < measured.size and _is_stuck(pressure_pa[rows], degc[rows], least_pa):
+        if not _LEAST_RUN <= rows.size < measured.size:
+            continue
+        shared_pa = _shared_change(others, [history.paths[row] for row in rows.tolist()])
+        if _is_stuck(float(pressure_pa[rows[0]]), degc[rows], shared_pa, least_pa):
             first, last = (
                 str(np.datetime64(int(history.time_ns[row]), "ns").astype("datetime64[D]")) for row in rows[[0, -1]]
             )
@@ -83,10 +99,34 @@ def _runs(values: FloatArray) -> list[slice]:
     return [slice(begin, end) for begin, end in pairwise(edges)]
 
 
-def _is_stuck(pressure_pa: FloatArray, degc: FloatArray, least_pa: float) -> bool:
-    """Return whether a closed volume of gas cannot have kept its pressure at these temperatures."""
-    finite_degc = degc[np.isfinite(degc)]
-    if len(pressure_pa) < _LEAST_RUN or finite_degc.size < _LEAST_RUN:
+def _shared_change(others: Sequence[TireHistory], paths: Sequence[str]) -> FloatArray:
+    """Return (n,) the change of the other wheels' cold pressures since the first of some recordings.
+
+    It is 0 where fewer than two others have measured them: those that repeat a value too tell nothing.
+    """
+    changes = []
+    for other in others:
+        row_of = {path: row for row, path in enumerate(other.paths)}
+        if not row_of.keys() >= set(paths):
+            continue
+        rows = [row_of[path] for path in paths]
+        gauge_pa, degc = other.column("pressure_pa")[rows], other.column("temperature_degc")[rows]
+        cold_pa = (gauge_pa + STANDARD_ATMOSPHERE_PA) * ZERO_CELSIUS_K / (degc + ZERO_CELSIUS_K)
+        if np.all(other.column("pressure_measured")[rows] > 0.0) and float(np.ptp(gauge_pa)) > _ROUNDING_PA:
+            changes.append(cold_pa - cold_pa[0])
+    known = [change for change in changes if np.isfinite(change).all()]
+    return np.median(known, axis=0) if len(known) >= _LEAST_OTHERS else np.zeros(len(paths))
+
+
+def _is_stuck(pressure_pa: float, degc: FloatArray, shared_pa: FloatArray, least_pa: float) -> bool:
+    """Return whether a closed volume of gas cannot have kept its pressure at these temperatures.
+
+    What the other wheels have in common is the ambient pressure, which a sensor against vacuum does not feel.
+    """
+    is_known = np.isfinite(degc)
+    if is_known.sum() < _LEAST_RUN:
         return False
-    absolute_pa = float(pressure_pa[0]) + STANDARD_ATMOSPHERE_PA
-    return absolute_pa * float(np.ptp(finite_degc)) / (float(finite_degc.mean()) + ZERO_CELSIUS_K) >= least_pa
+    kelvin = degc[is_known] + ZERO_CELSIUS_K
+    cold_pa = (pressure_pa + STANDARD_ATMOSPHERE_PA) * ZERO_CELSIUS_K / kelvin.mean()
+    expected_pa = np.stack([cold_pa + shared_pa[is_known], np.full(kelvin.size, cold_pa)]) * kelvin / ZERO_CELSIUS_K
+    return float(np.ptp(expected_pa, axis=1).min()) >= least_pa

@@ -77,15 +77,20 @@ _LEAST_SCATTER_KPA: Final = 0.3
 _KNOWN_RATE: Final = 0.4
 # Errors by which a pressure rises that are no chance.
 _CHANCE: Final = 2.0
-# Ambient pressure of the weather, which no wheel measures, and the time within which it is alike.
-_WEATHER_KPA: Final = 0.8
-_WEATHER_MONTHS: Final = 6.0 * DAY_MONTHS
+# Ambient pressure of the weather at middle latitudes, which no wheel measures, and its integral time scale: twice the
+# four days in which its correlation falls to 1/e.
+_WEATHER_KPA: Final = 1.0
+_WEATHER_MONTHS: Final = 8.0 * DAY_MONTHS
 
 
 def cold_kpa(history: TireHistory, readings: PlausibleReadings) -> FloatArray:
-    """Return (n,) gauge pressures at one temperature, NaN where they are not measured."""
+    """Return (n,) gauge pressures at one temperature, NaN where they are not measured.
+
+    Those of a tire that never sends a temperature are as they are.
+    """
     measured = history.column("pressure_measured") > 0.0
-    warm = (readings.temperature_degc + ZERO_CELSIUS_K) / (REFERENCE_DEGC + ZERO_CELSIUS_K)
+    degc = readings.temperature_degc if readings.has_temperature else REFERENCE_DEGC
+    warm = (degc + ZERO_CELSIUS_K) / (REFERENCE_DEGC + ZERO_CELSIUS_K)
     cold_pa = (readings.pressure_pa + STANDARD_ATMOSPHERE_PA) / warm - STANDARD_ATMOSPHERE_PA
     return np.where(measured, 1e-3 * cold_pa, math.nan)
 
@@ -99,8 +104,6 @@ def _comparable(tire: TireWork) -> tuple[FloatArray, Reason]:
         reason = Reason(FleetCode.TREND_NO_REVOLUTION)
     elif not measured.any():
         reason = Reason(FleetCode.TREND_NOT_MEASURED, quantity="pressure")
-    elif not np.isfinite(cold).any():
-        reason = Reason(FleetCode.TREND_NOT_MEASURED, quantity="temperature")
     elif np.isfinite(cold).sum() > LEAST_FREEDOM + 1 and is_constant(gauge[np.isfinite(cold)]):
         # A gas that is warmed and cooled does not keep its pressure: a repeated value is no measurement of a loss.
         usable = np.isfinite(cold)
@@ -147,7 +150,7 @@ def add_pressure(tire: TireWork) -> None:
         if line.doubt is None and (fell := _fallen(history, line)) is not None:
             tire.findings.append(Finding(fell, PRESSURE, Change(int(line.places[0]))))
         return
-    least_loss = loss.value - finding_quantile(line) * math.hypot(plain.std, _weather_error(line))
+    least_loss = loss.value - finding_quantile(line) * math.hypot(plain.std, _weather_error(tire, line))
     is_certain = (least_loss if refilled is None else min(refilled.least, least_loss)) > NOTABLE_LOSS_PA * 1e-3
     if loss.status is Status.VALID and is_certain:
         series = tire.series[-1]
@@ -204,7 +207,7 @@ def _from_to(series: TrendSeries, begin: int) -> dict[str, Value]:
 
 def _loss(tire: TireWork, line: TrendLine, refilled: PressureLoss | None) -> tuple[TrendNumber, TrendNumber]:
     """Return the loss by the line alone, and with refills, leak and temperature."""
-    history, stuck = tire.history, stuck_temperature(tire, line)
+    history, stuck = tire.history, stuck_temperature(tire, line.places)
     status, notes = (Status.VALID, ()) if stuck is None else (Status.PROVISIONAL, (stuck,))
     plain = rate_number(
         Quantity.PRESSURE_LOSS, "kPa/month", line, least=_LEAST_LEAK_MONTHS, factor=-1.0, status=status, reasons=notes
@@ -212,7 +215,13 @@ def _loss(tire: TireWork, line: TrendLine, refilled: PressureLoss | None) -> tup
     loss = (
         _with_refills(plain, refilled, line) if plain.status is not Status.INVALID and refilled is not None else plain
     )
-    loss = replace(loss, std=math.hypot(loss.std, OF_FLOW * loss.value, _weather_error(line)))
+    more_std = math.hypot(OF_FLOW * loss.value, _weather_error(tire, line))
+    loss = replace(
+        loss,
+        std=math.hypot(loss.std, more_std),
+        low=loss.value - math.hypot(loss.value - loss.low, 2.0 * more_std),
+        high=loss.value + math.hypot(loss.high - loss.value, 2.0 * more_std),
+    )
     if loss.status is Status.VALID and loss.value < -_CHANCE * loss.std:
         # No tire gains gas by itself: refills or what is not measured have made the trend.
         loss = replace(loss, status=Status.PROVISIONAL, reasons=(Reason(FleetCode.TREND_PRESSURE_RISES), *loss.reasons))
@@ -227,15 +236,18 @@ def _loss(tire: TireWork, line: TrendLine, refilled: PressureLoss | None) -> tup
     return plain, loss
 
 
-def _weather_error(line: TrendLine) -> float:
+def _weather_error(tire: TireWork, line: TrendLine) -> float:
     """Return the error of a rate by the ambient pressure, in kPa a month: gauges measure against it.
 
-    That of the least squares slope of values that are alike for some days, and scatter no more than the residuals.
+    That of the least squares slope of values that are alike for some days. They scatter no more than the residuals and
+    what the wheels have in common, of which level and slope take two degrees of freedom.
     """
     months = line.design[line.change.begin if line.change is not None and line.change.is_slope else 0 :, 1]
     span = max(float(np.ptp(months)), DAY_MONTHS)
-    scatter = float(line.fit.residuals[~line.search.is_outlier].std())
-    return min(_WEATHER_KPA, scatter) * math.sqrt(12.0 / max(span / _WEATHER_MONTHS, 2.0)) / span
+    independent = max(span / _WEATHER_MONTHS, 2.0)
+    scatter = math.hypot(float(line.fit.residuals[~line.search.is_outlier].std()), tire.cold.removed_kpa)
+    scatter /= math.sqrt(max(1.0 - 2.0 / independent, 0.25))
+    return min(_WEATHER_KPA, scatter) * math.sqrt(12.0 / independent) / span
 
 
 def _leak(tire: TireWork, cold_kpa: FloatArray) -> bool:
@@ -248,12 +260,11 @@ def _leak(tire: TireWork, cold_kpa: FloatArray) -> bool:
     if rows.size < 3:
         return False
     months, values = history.months[rows], cold_kpa[rows]
-    degc = tire.readings.temperature_degc[rows]
-    is_stuck = is_constant(degc)
+    stuck = stuck_temperature(tire, rows)
     # What an unseen change of the temperature makes of the pressure, by the gas law.
     unseen_kpa = (1e-3 * STANDARD_ATMOSPHERE_PA + values[-1]) * _UNSEEN_K / (REFERENCE_DEGC + ZERO_CELSIUS_K)
     drift_kpa = 1e-3 * NOTABLE_LOSS_PA if tire.cold.has_trend else float(unseen_kpa)
-    leak = newest_leak(months, values, scatter_of(values), drift_kpa if is_stuck else 0.0)
+    leak = newest_leak(months, values, scatter_of(values), 0.0 if stuck is None else drift_kpa)
     if leak is None:
         return False
     tested, series_index = tire.tested, len(tire.series)
@@ -275,7 +286,6 @@ def _leak(tire: TireWork, cold_kpa: FloatArray) -> bool:
     first, last = int(rows[leak.begin]), int(rows[-1])
     date, until = date_of(int(history.time_ns[first])), date_of(int(history.time_ns[last]))
     since = Reason(FleetCode.TREND_RATE_SINCE, count=count, date=date, before=-slope, std=slope_std, unit="kPa/month")
-    stuck = Reason(FleetCode.TREND_TEMPERATURE_STUCK, temperature_degc=float(degc[0]), count=len(degc))
     level_note = Reason(FleetCode.TREND_NOW_SINCE, count=count, date=date)
     status = Status.VALID if leak.is_certain else Status.PROVISIONAL
     for quantity, unit, value, std, state, reason in (
@@ -288,7 +298,7 @@ def _leak(tire: TireWork, cold_kpa: FloatArray) -> bool:
             std,
             unit,
             state,
-            (reason, *((stuck,) if is_stuck else ())),
+            (reason, *(() if stuck is None else (stuck,))),
             count,
             max(leak.freedom, 1),
             value - 2.0 * std,

@@ -11,7 +11,7 @@ from gateway.core.estimates.estimator import Status
 from gateway.core.quantity import Trend
 from gateway.core.reasons import Reason
 from gateway.fleet.reasons import FleetCode
-from gateway.fleet.trends.causes import Finding
+from gateway.fleet.trends.causes import Change, Finding
 from gateway.fleet.trends.line_numbers import is_significant, rate_number, reason_missing
 from gateway.fleet.trends.steady_value import parted_drift, zero_of
 from gateway.fleet.trends.tire_lines import TireWork, fit_line, reason_of_change
@@ -161,11 +161,13 @@ def _steady_value(tire: TireWork, line: TrendLine) -> Iterator[Finding]:
             else:
                 scaled, begin = (watch.factor * size, watch.factor * size_std), steps[parted.begin]
                 reason = reason_of_change(watch.level, history, name, line, scaled, begin, len(line.values))
-                yield Finding(reason, name)
+                yield Finding(reason, name, Change(places[parted.begin]))
     elif abs(change) > finding_quantile(line) * std and (abs(share) > least_gain or abs(as_zero_mps2) > zero.notable):
-        yield Finding(
-            Reason(FleetCode.TREND_SENSOR_STEADY, share=share, change_mps2=as_zero_mps2, std=std / gain.factor), "gain"
-        )
+        steady = Reason(
+            FleetCode.TREND_SENSOR_STEADY, share=share, std=std / gain.factor,
+            change_mps2=as_zero_mps2, zero_std_mps2=abs(as_zero_mps2 * std / change),
+        )  # fmt: skip
+        yield Finding(steady, "gain", Change(places[0] if len(places) == 1 else None))
 
 
 def _std_of(name: str) -> str:

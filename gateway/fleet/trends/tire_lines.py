@@ -84,9 +84,11 @@ class TireWork:
     tested: int = 0
 
 
-def stuck_temperature(tire: TireWork, line: TrendLine) -> Reason | None:
-    """Return that the temperature of a line is not measured, so that what a season makes looks like a trend."""
-    degc = tire.readings.temperature_degc[line.places]
+def stuck_temperature(tire: TireWork, places: IntArray) -> Reason | None:
+    """Return that the temperature of recordings is not measured, so that what a season makes looks like a trend."""
+    if not tire.readings.has_temperature:
+        return Reason(FleetCode.TREND_NOT_MEASURED, quantity="temperature")
+    degc = tire.readings.temperature_degc[places]
     if not is_constant(degc):
         return None
     return Reason(FleetCode.TREND_TEMPERATURE_STUCK, temperature_degc=float(degc[0]), count=len(degc))
@@ -307,8 +309,7 @@ def _findings_of_line(tire: TireWork, name: str, line: TrendLine) -> Iterator[Fi
         side = fit.residuals[begin] * watch.worse
         if side < 0.0 < begin or (side > 0.0 and begin < LEAST_POINTS):
             continue
-        # What does not come at once passes through values between the levels.
-        if end in line.steps:
+        if _is_passage(line, begin, end):
             continue
         scale = fit.scale / np.sqrt(fit.weights[begin:end])
         lowest = float(np.abs(fit.residuals[begin:end] / scale).min()) if fit.scale > 0.0 else math.inf
@@ -330,6 +331,14 @@ def _findings_of_line(tire: TireWork, name: str, line: TrendLine) -> Iterator[Fi
             yield Finding(changed, name, relative_change(name, line, begin, (size, std)))
     if line.change is not None and (newest := _newest_change(tire, name, line, line.change)) is not None:
         yield newest
+
+
+def _is_passage(line: TrendLine, begin: int, end: int) -> bool:
+    """Return whether outliers are values between two levels, through which a step that does not come at once passes."""
+    if end in line.steps or begin not in line.steps:
+        return end in line.steps
+    size, _ = size_of_step(line, line.steps.index(begin))
+    return size * float(line.fit.residuals[begin]) < 0.0
 
 
 def _load_findings(history: TireHistory, name: str, line: TrendLine) -> Iterator[Finding]:

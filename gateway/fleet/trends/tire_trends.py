@@ -41,8 +41,9 @@ from gateway.fleet.trends.watched_series import Series
 _LEAST_1000KM: Final = 0.25
 # Percent a month by which rubber hardens with age.
 _AGEING: Final = 1.0
-# Wear within a distance that is too short for a rate.
+# Wear that no tire has within a distance, with a rate or without.
 _NOTABLE_WEAR_MM: Final = 0.5
+_SHORT_KM: Final = 1000.0
 
 
 def add_wear(tire: TireWork) -> None:
@@ -66,13 +67,13 @@ def add_wear(tire: TireWork) -> None:
     tire.numbers.append(rate)
     tire.numbers.append(value_at_end(Quantity.WEAR_NOW, "mm", line))
     worn, std = combination(line, from_first_to_last(line))
+    span_km = span_of(history.km[line.places])
     if (
-        rate.status is Status.INVALID
+        (rate.status is Status.INVALID or span_km < _SHORT_KM)
         and line.doubt is None
         and worn > max(_NOTABLE_WEAR_MM, finding_quantile(line) * std)
     ):
-        span_m = 1e3 * span_of(history.km[line.places])
-        wears = Reason(FleetCode.TREND_WEARS_SHORT, wear_m=1e-3 * worn, std_m=1e-3 * std, distance_m=span_m)
+        wears = Reason(FleetCode.TREND_WEARS_SHORT, wear_m=1e-3 * worn, std_m=1e-3 * std, distance_m=1e3 * span_km)
         tire.findings.append(Finding(wears, "wear_mm", Change(int(line.places[0]))))
 
 
@@ -159,7 +160,7 @@ def add_stiffness(tire: TireWork, series: Series) -> None:
         tire.numbers.append(TrendNumber(temperature, unit="%/K", reasons=(reason,)))
         return
     rate = rate_number(quantity, "%/month", line)
-    if rate.status is not Status.INVALID and (stuck := stuck_temperature(tire, line)) is not None:
+    if rate.status is not Status.INVALID and (stuck := stuck_temperature(tire, line.places)) is not None:
         rate = replace(rate, status=Status.PROVISIONAL, reasons=(stuck, *rate.reasons))
     drift = rate
     if (

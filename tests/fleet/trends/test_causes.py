@@ -72,6 +72,7 @@ def test_recordings_at_several_speeds_part_a_step_of_gain_and_zero_and_date_it(g
     assert (finding.code, finding["name"]) == (CoreCode.TREND_LEVEL_CHANGED, name)
     assert finding["change"] == pytest.approx(100.0 * gain or zero_mps2, abs=4.0 * finding["std"])
     assert abs(finding["count"] - 38) <= 2
+    assert finding["since_s"] == pytest.approx(1e-9 * tire.time_ns[62], abs=2.0 * finding["since_std_s"])
 
 
 def test_what_explains_the_steady_value_alone_is_known_better_than_both():
@@ -94,7 +95,14 @@ def test_at_one_speed_gain_or_zero_is_said():
     assert set(findings) == {FleetCode.TREND_SENSOR_STEADY}
     steady = findings[FleetCode.TREND_SENSOR_STEADY]
     assert steady["share"] == pytest.approx(0.19, abs=0.005)
-    assert steady["change_mps2"] == pytest.approx(0.19 * 20.0**2 / RADIUS_M, rel=0.03)
+    zero_mps2 = 0.19 * 20.0**2 / RADIUS_M
+    assert abs(steady["change_mps2"] - zero_mps2) < 4.0 * steady["zero_std_mps2"] < 0.1 * zero_mps2
+
+
+def test_step_at_one_speed_has_its_date():
+    tire = with_steady_value(np.full(100, 20.0), 1.0 - 0.03 * (np.arange(100) >= 62), np.zeros(100))
+    steady = findings_of(tire)[FleetCode.TREND_SENSOR_STEADY]
+    assert steady["since_s"] == pytest.approx(1e-9 * tire.time_ns[62], abs=2.0 * steady["since_std_s"])
 
 
 def test_a_steady_sensor_has_no_finding():

@@ -8,6 +8,7 @@ import pytest
 from gateway.core.estimates.estimator import Status
 from gateway.fleet.reasons import FleetCode
 from gateway.fleet.trends.fleet_analysis import analyse
+from gateway.fleet.trends.neighbouring_wheels import without_common
 from gateway.fleet.trends.tire_history import MONTH_NS, TireHistory
 from gateway.fleet.trends.trend_result import Quantity
 from gateway.fleet.trends.watched_series import SERIES
@@ -55,7 +56,8 @@ def loss_of(histories):
     return number(tire, Quantity.PRESSURE_LOSS), tire
 
 
-def test_leak_beside_tight_neighbours_has_a_rate_without_a_temperature():
+@pytest.mark.parametrize("degc", [25.0, math.nan])
+def test_leak_beside_tight_neighbours_has_a_rate_without_a_temperature(degc):
     days = days_of(3)
     warm = np.random.default_rng(5).normal(0.0, 6.0, COUNT)
     tight = np.full(COUNT, 225.0)
@@ -63,7 +65,7 @@ def test_leak_beside_tight_neighbours_has_a_rate_without_a_temperature():
     positions = ("FL", "FR", "RL", "RR")
     colds = (exponential(days, begin, 3.0), tight, tight + 5.0, tight - 4.0)
     wheels = [
-        wheel(days, cold, position=position, sensor=str(index), warm_k=warm, degc=25.0)
+        wheel(days, cold, position=position, sensor=str(index), warm_k=warm, degc=degc)
         for index, (position, cold) in enumerate(zip(positions, colds, strict=True))
     ]
     loss, tire = loss_of(wheels)
@@ -72,7 +74,10 @@ def test_leak_beside_tight_neighbours_has_a_rate_without_a_temperature():
     assert abs(loss.value - true_kpa) < 3.5 * loss.std < 0.35 * true_kpa
     assert [finding.code for finding in tire.findings][:1] == [FleetCode.TREND_LOSS_CHANGED]
     # Alone, the weather would hide it.
-    assert loss_of(wheels[:1])[0].status is not Status.VALID
+    alone, _ = loss_of(wheels[:1])
+    assert alone.status is Status.PROVISIONAL
+    code = FleetCode.TREND_NOT_MEASURED if math.isnan(degc) else FleetCode.TREND_TEMPERATURE_STUCK
+    assert code in {reason.code for reason in alone.reasons}
 
 
 @pytest.mark.parametrize(("after", "kpa_a_day"), [(1, 4.0), (2, 1.5), (3, 1.5)])
@@ -95,8 +100,8 @@ def test_leak_from_the_first_recording_on_has_the_rate_of_now():
 
 
 def test_leak_that_was_mended_is_none_now():
-    days = days_of(9)
-    cold = np.where(days < days[20], exponential(days, -1.0, 3.0), 240.0 - 0.01 * (days - days[20]))
+    days = 2.0 * days_of(9)
+    cold = np.where(days < days[20], exponential(days, -1.0, 1.5), 240.0 - 0.01 * (days - days[20]))
     loss, tire = loss_of([wheel(days, cold)])
     assert loss.status is Status.VALID
     assert abs(loss.value - 0.01 * MONTH_DAYS) < 3.5 * loss.std < 4.0
@@ -115,6 +120,22 @@ def test_weather_of_all_wheels_is_neither_leak_nor_refill():
     assert loss.status is Status.VALID
     assert abs(loss.value - 0.5) < 3.5 * loss.std
     assert loss.std < 1.5
+
+
+def test_refill_of_all_wheels_is_no_ramp():
+    days = np.arange(COUNT) * 2.0
+    weather = 1.5 * np.sin(days / 3.0)
+    rises = (6.0, 15.0, 16.0, 17.0)
+    wheels = [
+        wheel(days, 230.0 + weather + rise * (days > days[19]), sensor=str(index), position=position)
+        for index, (rise, position) in enumerate(zip(rises, ("FL", "FR", "RL", "RR"), strict=True))
+    ]
+    colds = [230.0 + weather + rise * (days > days[19]) for rise in rises]
+    shared = without_common(wheels, colds, [False] * 4)[0]
+    assert shared.removed_kpa > 0.3
+    changes = np.diff(shared.cold_kpa)
+    assert changes[19] == pytest.approx(rises[0], abs=1.0)
+    assert np.abs(np.delete(changes, 19)).max() < 1.2
 
 
 @pytest.mark.parametrize("kpa_a_day", [3.0, 10.0])

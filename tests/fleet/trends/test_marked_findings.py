@@ -48,6 +48,16 @@ def test_marked_finding_comes_back_when_it_grows_only(tmp_path, trends, state):
     assert without_marked(trends, read_marks(tmp_path)) == trends
 
 
+@pytest.mark.parametrize(("count", "is_shown"), [(13, False), (60, True)])
+def test_one_recording_more_is_no_new_evidence(tmp_path, trends, count, is_shown):
+    def stuck(recordings: int) -> FleetTrends:
+        finding = Reason(FleetCode.TREND_PRESSURE_STUCK, pressure_pa=2e5, count=recordings)
+        return replace(trends, tires=(replace(trends.tires[0], findings=(finding,)),))
+
+    marks = set_marks(tmp_path, stuck(12), [f"{key_of(stuck(12))}=closed"])
+    assert bool(without_marked(stuck(count), marks).tires[0].findings) is is_shown
+
+
 def test_finding_that_is_put_off_comes_back_on_its_day(tmp_path, trends):
     marks = set_marks(tmp_path, trends, [f"{key_of(trends)}=put-off:2026-05-01"])
     assert without_marked(trends, marks).tires[0].findings

@@ -206,15 +206,16 @@ def test_less_noise_of_one_recording_is_no_outlier():
     assert [entry.name for entry in analyse([tire_with(noise_mps2=1 / quiet)], recordings=COUNT).outliers]
 
 
-def test_fast_wear_over_a_short_distance_is_a_finding():
+@pytest.mark.parametrize("distance_km", [210.0, 600.0])
+def test_fast_wear_over_a_short_distance_is_a_finding(distance_km):
     rng = np.random.default_rng(5)
     tire = history(6, 40, months=0.5)
     wear = np.linspace(0.0, 1.7, 40) + rng.normal(0.0, 0.06, 40)
-    tire = replace(tire, km=np.linspace(9000.0, 9210.0, 40), columns={**tire.columns, "wear_mm": wear})
+    tire = replace(tire, km=9000.0 + np.linspace(0.0, distance_km, 40), columns={**tire.columns, "wear_mm": wear})
     (finding,) = analyse([tire], recordings=40).tires[0].findings
     assert finding.code is FleetCode.TREND_WEARS_SHORT
     assert abs(finding["wear_m"] - 1.7e-3) < 4.0 * finding["std_m"]
-    assert finding["distance_m"] == pytest.approx(210e3, rel=0.01)
+    assert finding["distance_m"] == pytest.approx(1e3 * distance_km, rel=0.01)
 
 
 def test_contact_that_grows_in_a_cold_week_is_the_pressures():
