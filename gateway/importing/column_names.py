@@ -48,8 +48,8 @@ _UNIT_NAMES: Final = {
     "m/s²": "m/s^2", "m/s**2": "m/s^2", "mps^2": "m/s^2", "ms^-2": "m/s^2", "m/s/s": "m/s^2", "m*s^-2": "m/s^2",
     "m s^-2": "m/s^2", "m s-2": "m/s^2", "m·s^-2": "m/s^2", "m·s⁻²": "m/s^2", "mps²": "m/s^2", "G": "g", "gn": "g",
     "kph": "km/h", "kmh": "km/h", "km/hr": "km/h", "1/min": "rpm", "U/min": "rpm", "r/min": "rpm", "min^-1": "rpm",
-    "kpa": "kPa", "°": "deg", "degree": "deg", "degrees": "deg", "sec": "s", "seconds": "s",
-    "msec": "ms", "usec": "us", "µs": "us", "μs": "us",
+    "kpa": "kPa", "psig": "psi", "barg": "bar", "°": "deg", "degree": "deg", "degrees": "deg", "sec": "s",
+    "seconds": "s", "msec": "ms", "usec": "us", "µs": "us", "μs": "us",
     "°C": "degC", "°/s": "deg/s", "dps": "deg/s",
 }  # fmt: skip
 _TIME_UNITS: Final = (

@@ -44,12 +44,14 @@ class FileFacts:
         unusable: reason and remedy for a column that cannot be imported.
         start_ns: start of the measurement in ns since 1970 (UTC), None where the file has none.
         dates: columns of dates with times, read as seconds from the first; its ns since 1970, None without a time zone.
-        time_column: column of the file's own time base, None where the file has none.
+        time_column: column of the file's own time base, which counts from `start_ns`, None where the file has none.
+        further_times: other columns of times that count from `start_ns`.
         conditions: by wheel and name, value and source as text, in a file that treadlink has exported.
         rates_hz: sampling rates that the file states beside its columns, by the name of the attribute or number.
         groups: group that a column belongs to, and its name there, where the file has groups.
         cut: columns that end early: rows that they have, and rows that they should have.
         steps_s: time between two values of a column, where columns have steps of their own.
+        starts_s: time of the first value of a column from `start_ns`, where columns have starts of their own.
         warnings: what the package that reads the file has warned of.
         stated: conditions that the file states: key of an import map, its value in TOML, and the place.
     """
@@ -60,13 +62,21 @@ class FileFacts:
     start_ns: int | None = None
     dates: dict[str, int | None] = field(default_factory=dict)
     time_column: str | None = None
+    further_times: Sequence[str] = ()
     conditions: dict[str, dict[str, Sequence[str]]] = field(default_factory=dict)
     rates_hz: dict[str, float] = field(default_factory=dict)
     groups: Mapping[str, Sequence[str]] = field(default_factory=dict)
     cut: Mapping[str, Sequence[int]] = field(default_factory=dict)
     steps_s: dict[str, float] = field(default_factory=dict)
+    starts_s: dict[str, float] = field(default_factory=dict)
     warnings: Sequence[str] = ()
     stated: Sequence[Sequence[str]] = ()
+
+    def zero_ns(self, name: str | None) -> int | None:
+        """Return the time, ns since 1970, at which a column of times is zero, None where the file states none."""
+        if name in self.dates:
+            return self.dates[name]
+        return self.start_ns if name is not None and name in (self.time_column, *self.further_times) else None
 
 
 class BlockReader(Protocol):

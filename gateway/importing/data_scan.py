@@ -82,6 +82,11 @@ class Scan:
     ranges: FloatArray
     means: FloatArray
 
+    @property
+    def source_rate_hz(self) -> float:
+        """Rate of the file."""
+        return self.rate_hz * (self.decimation.factor if self.decimation else 1)
+
 
 def scan(
     path: Path, reader: BlockReader, import_map: ImportMap, progress: Callable[[float], None] = lambda _: None
@@ -95,7 +100,7 @@ def scan(
     if import_map.sampling.rate_hz is not None:
         check_rate(path, import_map.sampling.rate_hz)
     file_scan = _scan(path, reader, import_map, progress, None)
-    factor = decimation_factor(file_scan.rate_hz * (file_scan.decimation.factor if file_scan.decimation else 1))
+    factor = decimation_factor(file_scan.source_rate_hz)
     if factor != (file_scan.decimation.factor if file_scan.decimation else 1):
         file_scan = _scan(path, reader, import_map, progress, factor)
     return file_scan

@@ -85,7 +85,7 @@ class Decimator:
 
         Args:
             factor: 1 or more; with 1, rows pass unchanged.
-            filtered: number of leading columns to filter; of the others each factor-th row is taken.
+            filtered: number of leading columns to filter; of the others the mean of `factor` rows is taken.
             limits: (filtered,) magnitude from which on a value is saturated, infinite where there is none.
         """
         self._factor = factor
@@ -127,6 +127,11 @@ class Decimator:
 
         centre = slice(self._half, self._half + (count - 1) * self._factor + 1, self._factor)
         result: FloatArray = window[centre].copy()
+        begin = self._half - self._factor // 2
+        groups = window[begin : begin + count * self._factor, self._filtered :].reshape(count, self._factor, -1)
+        present = np.isfinite(groups)
+        numbers, sums = present.sum(axis=1), np.where(present, groups, 0.0).sum(axis=1)
+        result[:, self._filtered :] = np.where(numbers > 0, sums / np.maximum(numbers, 1), np.nan)
         # Of the full convolution upfirdn keeps each factor-th value, counted from the first.
         shift = -(len(self._taps) - 1) % self._factor
         first = (len(self._taps) - 1 + shift) // self._factor

@@ -106,7 +106,11 @@ def import_exported(path: Path, out: Path, progress: Callable[[float], None] = l
         maps = [part.import_map for part in parts]
         # One error for the rates of all: the largest.
         sampling = max((entry.sampling for entry in maps), key=lambda sampling: sampling.rate_std_percent or 0.0)
-        merged = maps[0].model_copy(update={"wheel": tuple(entry.wheel[0] for entry in maps), "sampling": sampling})
+        stated = maps[0].conditions
+        if any(entry.conditions.temperature_degc != stated.temperature_degc for entry in maps):
+            stated = stated.model_copy(update={"temperature_degc": None})
+        wheel = tuple(entry.wheel[0] for entry in maps)
+        merged = maps[0].model_copy(update={"wheel": wheel, "sampling": sampling, "conditions": stated})
         start_ns = _start_ns(next(iter(wheels.values()))) or path.stat().st_mtime_ns
         return import_wheels(path, parts, merged, start_ns, out, progress)
 
@@ -185,6 +189,11 @@ def _wheel_map(path: Path, position: str, conditions: Conditions, reader: _Wheel
             ),
             mounting=Mounting() if offset_m is None else Mounting(offset_mm=offset_m * 1e3),
         )
+        stated = StatedConditions(
+            name=_text(conditions, "vehicle"),
+            tire=conditions.get("tire_size", (None,))[0],
+            temperature_degc=None if constants[1] else _number(conditions, "temperature_degc"),
+        )
     except ValidationError as error:
         first = error.errors()[0]
         raise ImportDataError(
@@ -192,14 +201,11 @@ def _wheel_map(path: Path, position: str, conditions: Conditions, reader: _Wheel
             "Import it with a map: treadlink import --guess writes a first one.",
         ) from error
     assumed = _text(conditions, "assumed")
-    vehicle_values = {"name": conditions.get("vehicle"), "tire": conditions.get("tire_size")}
     return ImportMap(
         assumed=(assumed,) if assumed else (),
         sampling=sampling,
         sensor=Sensor(coupling="AC" if _text(conditions, "coupling") == "ac" else "DC"),
-        conditions=StatedConditions.model_validate(
-            {key: condition[0] for key, condition in vehicle_values.items() if condition is not None}
-        ),
+        conditions=stated,
         wheel=(wheel,),
     )
 

@@ -36,6 +36,10 @@ PLUGIN_NAMES_TAKEN: Final = tuple(suffix.removeprefix(".") for suffix in SUFFIXE
 """Suffixes of this package, which plug-ins cannot take."""
 _START_BYTES: Final = 4096
 _MCAP: Final = b"\x89MCAP0\r\n"
+_EXPORT: Final = (
+    "this is an MCAP file of `treadlink export`, which is not read again",
+    "Give the recording that it is of, or export samples to CSV or MF4, which can be imported.",
+)
 _RECORDING: Final = ("this is a recording already", "Run: treadlink estimate {name}")
 # First bytes of files, whatever their suffix is.
 _FIRST_BYTES: Final = {
@@ -147,7 +151,7 @@ def recognised_format(path: Path) -> FileFormat | None:
     """Return the format of a file by its first bytes, or else by its suffix; None when both are unknown.
 
     Raises:
-        ImportDataError: it is a recording of treadlink.
+        ImportDataError: it is a recording of treadlink, or an MCAP file that treadlink has exported.
         OSError: the system refuses.
     """
     by_suffix = SUFFIXES.get(path.suffix.lower())
@@ -159,6 +163,8 @@ def recognised_format(path: Path) -> FileFormat | None:
         file.seek(max(path.stat().st_size - _START_BYTES, 0))
         end = file.read()
     if start.startswith(_MCAP):
+        if b"treadlink.export" in start:
+            raise ImportDataError(f"{path}: {_EXPORT[0]}", _EXPORT[1])
         if b"treadlink" in start:
             raise ImportDataError(f"{path}: {_RECORDING[0]}", _RECORDING[1].replace("{name}", path.name))
         return FileFormat.IMU
@@ -202,7 +208,9 @@ def open_columns(
         ImportDataError: there is no such file, its format is unknown or needs a missing package, or it cannot be read.
     """
     if path.is_dir():
-        raise ImportDataError(f"{path} is a folder", "Give the measurement file itself.")
+        raise ImportDataError(
+            f"{path} is a folder", "Give the measurement file itself, or the folder with an import map: --map."
+        )
     if not path.exists():
         raise ImportDataError(f"{path} does not exist", missing_path_remedy(path))
     layout, sampling = import_map.file, import_map.sampling

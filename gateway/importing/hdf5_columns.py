@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -45,7 +45,8 @@ _SMALL_BYTES: Final = 64 << 20
 _MATLAB_NUMBERS: Final = {
     "double", "single", "logical", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64",
 }  # fmt: skip
-_START: Final = re.compile(r"(?:wf_)?(?:t_?0|x_?0|(?:start|begin)[_ ]?(?:time|offset)?|offset)(?:_s)?", re.IGNORECASE)
+# An `offset` without a unit is that of a calibration.
+_START: Final = re.compile(r"(?:wf_)?(?:t_?0|x_?0|(?:start|begin)[_ ]?(?:time|offset)?)(?:_s)?|offset_s", re.IGNORECASE)
 _AS_VECTORS: Final = "Save its columns as vectors of numbers."
 _MATLAB_TABLE: Final = (
     "MATLAB stores tables, timetables and times in a form of its own. Save vectors instead, such as "
@@ -55,13 +56,19 @@ _MATLAB_TABLE: Final = (
 
 @dataclass(frozen=True, slots=True)
 class _Column:
-    """Place of a column: a vector, a line of a matrix along `axis`, or a field of a compound type."""
+    """Place of a column: a vector, a line of a matrix along `axis`, or a field of a compound type.
+
+    Its values are `scale` times what is stored plus `offset`; those in `missing` are none.
+    """
 
     data: Any
     rows: int
     axis: int = 0
     line: int = 0
     field: str | None = None
+    scale: float = 1.0
+    offset: float = 0.0
+    missing: tuple[float, ...] = ()
 
 
 class Hdf5Columns:
@@ -254,7 +261,13 @@ class Hdf5Columns:
             self._unusable[name] = (f"has {len(shape)} dimensions", _AS_VECTORS)
         step_s = next((1.0 / hz for key in data.attrs if (hz := rate_of(key, _attribute(data, key)))), 0.0)
         start_s = next((_number(_attribute(data, key)) for key in data.attrs if _START.fullmatch(key)), None)
-        for column_name, column in columns:
+        # The conventions of netCDF.
+        scale, offset = (
+            next(iter(_numbers(data, key)), usual) for key, usual in (("scale_factor", 1.0), ("add_offset", 0.0))
+        )
+        missing = (*_numbers(data, "_FillValue"), *_numbers(data, "missing_value"))
+        for column_name, place in columns:
+            column = replace(place, scale=scale, offset=offset, missing=missing)
             self._columns[column_name] = column
             if start_s is not None:
                 read_rows = functools.partial(_read_rows, column)
@@ -313,6 +326,14 @@ def _number(text: str) -> float | None:
         return None
 
 
+def _numbers(data: Any, name: str) -> tuple[float, ...]:
+    """Return an attribute as numbers, nothing where it holds none."""
+    try:
+        return tuple(np.asarray(data.attrs.get(name, ()), dtype=np.float64).ravel().tolist())
+    except (TypeError, ValueError):
+        return ()
+
+
 def _read_rows(column: _Column, first: int, end: int) -> FloatArray:
     data = column.data
     if column.field is not None:
@@ -323,7 +344,10 @@ def _read_rows(column: _Column, first: int, end: int) -> FloatArray:
         values = data[first:end, column.line]
     else:
         values = data[column.line, first:end]
-    return np.asarray(values, dtype=np.float64)
+    numbers = np.asarray(values, dtype=np.float64)
+    if column.missing:
+        numbers = np.where(np.isin(numbers, column.missing), np.nan, numbers)
+    return numbers * column.scale + column.offset if (column.scale, column.offset) != (1.0, 0.0) else numbers
 
 
 def _missing_filters(data: h5py.Dataset) -> list[str]:

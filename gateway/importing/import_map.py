@@ -48,6 +48,7 @@ ACCELERATION_UNITS_MPS2: Final[dict[str, float]] = {
     "mg": STANDARD_GRAVITY_MPS2 * 1e-3,
 }
 PRESSURE_UNITS_PA: Final[dict[str, float]] = {"Pa": 1.0, "hPa": 1e2, "kPa": 1e3, "bar": 1e5, "psi": 6894.757293168361}
+TEMPERATURE_UNITS: Final = {"degC": 1.0, "C": 1.0}
 ISO: Final = "iso"
 TIME_UNITS_S: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "d": 86400.0, ISO: 1.0}
 REFERENCE_UNITS: Final[dict[str, dict[str, float]]] = {

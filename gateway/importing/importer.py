@@ -4,7 +4,7 @@ import contextlib
 import heapq
 import logging
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -26,7 +26,16 @@ from gateway.importing.data_scan import Scan, WheelScan, scan
 from gateway.importing.decimation import ATTENUATION_DB, RIPPLE_DB, Decimation
 from gateway.importing.file_formats import open_columns
 from gateway.importing.frames import FrameStream, Quantiser
-from gateway.importing.import_map import ACCELERATION_UNITS_MPS2, ISO, TIME_UNITS_S, ImportedWheel, ImportMap
+from gateway.importing.import_map import (
+    ACCELERATION_UNITS_MPS2,
+    ISO,
+    PRESSURE_UNITS_PA,
+    REFERENCE_UNITS,
+    TEMPERATURE_UNITS,
+    TIME_UNITS_S,
+    ImportedWheel,
+    ImportMap,
+)
 from gateway.importing.joined_columns import JoinedColumns
 from gateway.importing.missing_rows import GapFilledColumns
 from gateway.importing.reader_process import ReaderProcesses
@@ -42,6 +51,8 @@ _logger = logging.getLogger(__name__)
 # As the vehicle file allows them.
 _LOADS_N: Final = (50.0, 100_000.0)
 _MAX_LOAD_STD_N: Final = 50_000.0
+# Hidden files, and the index that LabVIEW keeps beside each of its files.
+_NO_PART: Final = re.compile(r"[._].*|.*\.tdms_index", re.IGNORECASE)
 _EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 
 
@@ -73,6 +84,7 @@ class WheelReport:
         gaps: samples in which an axis has no value.
         bridged: samples on straight lines that bridge gaps; they are left out.
         bridges: number of these lines.
+        left_out: samples that the time column skips, which are gaps too.
         axes: one report per axis, in the protocol's order.
         environment_frames: pressure and temperature messages.
         findings: contradictions between the map and the measurement.
@@ -82,6 +94,7 @@ class WheelReport:
     gaps: int
     bridged: int
     bridges: int
+    left_out: int
     axes: tuple[AxisReport, ...]
     environment_frames: int
     findings: tuple[Reason, ...]
@@ -96,7 +109,7 @@ class ImportReport:
         size_bytes: its size.
         samples: number of samples of each wheel.
         skipped: rows left out before the start.
-        left_out: samples that the time column skips, which are gaps too.
+        left_out: samples that the time column skips in the rows of all wheels.
         unreadable: cells that are no numbers, taken for missing values as the map states.
         rate_hz: sampling rate of the recording.
         decimation: reduction of the file's rate, None where it is kept.
@@ -167,7 +180,7 @@ def parts_of(path: Path) -> tuple[Path, ...]:
     """
     if not path.is_dir():
         return (path,)
-    files = [entry for entry in path.iterdir() if entry.is_file() and not entry.name.startswith((".", "_"))]
+    files = [entry for entry in path.iterdir() if entry.is_file() and not _NO_PART.fullmatch(entry.name)]
     kinds = sorted({file.suffix.lower() for file in files})
     if len(kinds) != 1:
         kinds_text = ", ".join(kinds) or "nothing"
@@ -235,12 +248,7 @@ def _opened(paths: Sequence[Path], import_map: ImportMap, processes: ReaderProce
         require_one_sensor(paths[0], reader.facts, import_map.wheels())
         return reader
     supply = processes or ReaderProcesses()
-    return JoinedColumns(
-        paths,
-        lambda path: open_columns(path, import_map, supply),
-        import_map.columns(),
-        import_map.sampling.time_column,
-    )
+    return JoinedColumns(paths, lambda path: open_columns(path, import_map, supply), import_map)
 
 
 class _WheelStream:
@@ -259,14 +267,13 @@ class _WheelStream:
         self._findings += () if number else _rate_findings(import_map, file_scan)  # wheels share their times
         if (repeats := self._scan.held) is not None:
             names = [axis.name.lower() for axis in wheel.axis.present()]
-            source_hz = file_scan.rate_hz * (file_scan.decimation.factor if file_scan.decimation else 1)
             self._findings += (
                 Reason(
                     ImportCode.VALUES_REPEATED,
                     samples=repeats.samples,
                     runs=repeats.runs,
                     axes=", ".join(names[index] for index in repeats.axes),
-                    first_s=repeats.first / source_hz,
+                    first_s=repeats.first / file_scan.source_rate_hz,
                 ),
             )
         self._rows = 0
@@ -301,8 +308,8 @@ class _WheelStream:
             result[max(start - begin, 0) : stop - begin] = True
         return result
 
-    def report(self) -> WheelReport:
-        """Return the report of the wheel."""
+    def report(self, left_out: int) -> WheelReport:
+        """Return the report of the wheel, of whose rows some are left out."""
         wheel_scan = self._scan
         axes = zip(self._wheel.axis.present(), self._quantiser.scale_mps2, self._errors_mps2, strict=True)
         return WheelReport(
@@ -310,6 +317,7 @@ class _WheelStream:
             gaps=wheel_scan.gaps,
             bridged=int((self._lines[:, 1] - self._lines[:, 0]).sum()),
             bridges=len(self._lines),
+            left_out=left_out,
             axes=tuple(
                 AxisReport(axis, wheel_scan.low_mps2[axis], wheel_scan.high_mps2[axis], float(step), float(error))
                 for axis, step, error in axes
@@ -358,7 +366,7 @@ class _Part:
             for number, wheel in enumerate(import_map.wheels())
         ]
         self._channels = [
-            ReferenceChannel(reference, self.scan.rate_hz, *map(float, limits))
+            ReferenceChannel(reference, self.scan.source_rate_hz, *map(float, limits))
             for reference, limits in zip(import_map.reference, self.scan.ranges, strict=True)
         ]
         self.values = dict.fromkeys((reference.name for reference in import_map.reference), 0)
@@ -372,7 +380,7 @@ class _Part:
         self, writer: RecordingWriter, link: str, progress: Callable[[float], None]
     ) -> Iterator[tuple[float, Callable[[int], None]]]:
         """Yield (time in s from the start of the recording, what writes it) of chunks and values, in order."""
-        for rows, places, share, last in _selected(self.reader, self.import_map, self.scan):
+        for values, rows, places, share, last in _selected(self.reader, self.import_map, self.scan):
             if not last:
                 progress(share)
             parts: list[Iterator[tuple[float, Callable[[int], None]]]] = [
@@ -380,9 +388,9 @@ class _Part:
                 for stream, columns in zip(self.streams, places, strict=True)
             ]
             for channel in self._channels:
-                column = rows[:, self.import_map.columns().index(channel.reference.column)]
+                column = values[:, self.import_map.columns().index(channel.reference.column)]
                 positions = _positions(channel, self.import_map)
-                parts.append(_written_values(writer, channel, positions, self.values, column))
+                parts.append(_written_values(writer, channel, positions, self.values, column, self.begin_s))
             for time_s, write in heapq.merge(*parts, key=lambda part: part[0]):
                 yield self.begin_s + time_s, write
 
@@ -394,13 +402,7 @@ def _import(
     part = _Part(path, reader, import_map, lambda share: progress(0.5 * share))
     start_ns, start_is_file_date = _start_ns(path, reader.facts, import_map, part.scan)
     suffix = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
-    decimated = () if part.scan.decimation is None else (_decimation_text(part.scan.decimation),)
-    vehicle = import_map.vehicle(
-        (*_shortcomings(reader.facts, import_map), *decimated),
-        rounding_std=(part.scan.rate_std_hz or 0.0) / part.scan.rate_hz,
-        loads_n=_measured_loads_n(import_map, part.scan),
-    )
-    return _recorded([part], vehicle, path, suffix, start_ns, out, progress, start_is_file_date=start_is_file_date)
+    return _recorded([part], import_map, path, suffix, start_ns, out, progress, start_is_file_date=start_is_file_date)
 
 
 def import_wheels(
@@ -442,12 +444,12 @@ def import_wheels(
         )
         for number, rows in enumerate(wheels)
     ]
-    return _recorded(parts, whole.vehicle(), path, "", start_ns, out, progress, start_is_file_date=start_is_file_date)
+    return _recorded(parts, whole, path, "", start_ns, out, progress, start_is_file_date=start_is_file_date)
 
 
 def _recorded(
     parts: Sequence[_Part],
-    vehicle: VehicleConfig,
+    whole: ImportMap,
     path: Path,
     suffix: str,
     start_ns: int,
@@ -457,7 +459,7 @@ def _recorded(
     start_is_file_date: bool,
 ) -> ImportReport:
     """Write the recording, the second half of the work, and return the report."""
-    link = f"import:{path.name}"
+    link, vehicle = f"import:{path.name}", _vehicle(parts, whole)
     recording = RecordingWriter(out, start_ns=start_ns, vehicle_toml=vehicle.to_toml(), sources=(link,), in_part=True)
     with whole_recording(recording) as writer:
         writer.write(LinkEvent(link, start_ns, LinkEventKind.CONNECTED, f"imported from {path.name}{suffix}"))
@@ -481,10 +483,27 @@ def _recorded(
         decimation=file_scan.decimation,
         duration_s=file_scan.samples / file_scan.rate_hz,
         jitter_s=file_scan.jitter_s,
-        wheels=tuple(stream.report() for part in parts for stream in part.streams),
-        references=parts[0].values,
+        wheels=tuple(stream.report(part.reader.left_out) for part in parts for stream in part.streams),
+        references={
+            reference.name: sum(part.values.get(reference.name, 0) for part in parts) for reference in whole.reference
+        },
         assumed=vehicle.vehicle.assumed,
         start_is_file_date=start_is_file_date,
+    )
+
+
+def _vehicle(parts: Sequence[_Part], whole: ImportMap) -> VehicleConfig:
+    """Return the configuration with what all parts show: shortcomings, the rounding of times, and mean loads."""
+    assumed: list[str] = []
+    loads_n: dict[str, tuple[float, float]] = {}
+    for part in parts:
+        assumed += _shortcomings(part.reader.facts, part.import_map)
+        assumed += [] if part.scan.decimation is None else [_decimation_text(part.scan.decimation)]
+        loads_n |= _measured_loads_n(part.import_map, part.scan)
+    return whole.vehicle(
+        tuple(dict.fromkeys(assumed)),
+        rounding_std=max((part.scan.rate_std_hz or 0.0) / part.scan.rate_hz for part in parts),
+        loads_n=loads_n,
     )
 
 
@@ -526,13 +545,27 @@ def _shortcomings(facts: FileFacts, import_map: ImportMap) -> tuple[str, ...]:
         if name in import_map.columns()
     ]
     units = [
-        f"'{column.column}' is in {column.unit}, as the map says; the file says {file_unit}"
-        for column in import_map.axis_columns()
-        if (file_unit := unit_of(column.column, facts.units.get(column.column, "")))
-        and column.scale == 1.0
-        and ACCELERATION_UNITS_MPS2.get(file_unit) != ACCELERATION_UNITS_MPS2[column.unit]
+        f"'{name}' is in {unit}, as the map says; the file says {file_unit}"
+        for name, unit, sizes in _stated_units(import_map)
+        if (file_unit := unit_of(name, facts.units.get(name, "")))
+        and sizes.get(file_unit.replace("·", "*")) != sizes[unit]
     ]
     return (*cut, *units, *(f"warned when the file was read: {warning}" for warning in facts.warnings))
+
+
+def _stated_units(import_map: ImportMap) -> Iterator[tuple[str, str, Mapping[str, float]]]:
+    """Yield each column whose unit the map states, that unit, and the sizes of all units of its quantity."""
+    for axis in import_map.axis_columns():
+        if axis.scale == 1.0:
+            yield axis.column, axis.unit, ACCELERATION_UNITS_MPS2
+    for environment in (wheel.environment for wheel in import_map.wheels()):
+        if environment.pressure_column is not None:
+            yield environment.pressure_column, environment.pressure_unit, PRESSURE_UNITS_PA
+        if environment.temperature_column is not None:
+            yield environment.temperature_column, "degC", TEMPERATURE_UNITS
+    for reference in import_map.reference:
+        if reference.unit is not None:
+            yield reference.column, reference.unit, REFERENCE_UNITS[reference.quantity]
 
 
 def _decimation_text(decimation: Decimation) -> str:
@@ -556,17 +589,19 @@ def _written_values(
     positions: tuple[str, ...],
     value_counts: dict[str, int],
     column: FloatArray,
+    begin_s: float,
 ) -> Iterator[tuple[float, Callable[[int], None]]]:
     reference = channel.reference
 
-    def write(host_ns: int, time_s: float, value: float) -> None:
+    def write(host_ns: int, hub_s: float, value: float) -> None:
         value_counts[reference.name] += 1
         for position in positions:
-            payload = {"quantity": reference.quantity, "time_s": time_s, "value": value, "value_std": channel.value_std}
+            payload = {"quantity": reference.quantity, "time_s": hub_s, "value": value, "value_std": channel.value_std}
             writer.write_topic(reference_topic(position, reference.name), host_ns, payload)
 
     for time_s, value in channel.feed(column):
-        yield time_s, lambda host_ns, time_s=time_s, value=value: write(host_ns, time_s, value)  # type: ignore[misc]
+        hub_s = begin_s + time_s
+        yield time_s, lambda host_ns, hub_s=hub_s, value=value: write(host_ns, hub_s, value)  # type: ignore[misc]
 
 
 def _positions(channel: ReferenceChannel, import_map: ImportMap) -> tuple[str, ...]:
@@ -606,15 +641,18 @@ def _rate_findings(import_map: ImportMap, file_scan: Scan) -> tuple[Reason, ...]
 
 def _selected(
     reader: BlockReader, import_map: ImportMap, file_scan: Scan
-) -> Iterator[tuple[FloatArray, list[WheelColumns], float, bool]]:
-    """Yield (rows in physical units, places of the wheels' columns, progress, whether they are the last)."""
+) -> Iterator[tuple[FloatArray, FloatArray, list[WheelColumns], float, bool]]:
+    """Yield consecutive rows: of the file, and in physical units at the rate of the recording.
+
+    With them come the places of the wheels' columns, the progress, and whether they are the last.
+    """
     names = import_map.columns()
     rows = SampleRows(import_map, file_scan.decimation.factor if file_scan.decimation else 1)
     for block in reader.blocks(names):
         values = kept_rows(block, file_scan.skipped)
         if len(values):
-            yield rows.feed(values), rows.wheels, block.progress, False
-    yield rows.finish(len(names)), rows.wheels, 1.0, True
+            yield values, rows.feed(values), rows.wheels, block.progress, False
+    yield np.empty((0, len(names))), rows.finish(len(names)), rows.wheels, 1.0, True
 
 
 def _start_ns(path: Path, facts: FileFacts, import_map: ImportMap, file_scan: Scan) -> tuple[int, bool]:
@@ -623,11 +661,14 @@ def _start_ns(path: Path, facts: FileFacts, import_map: ImportMap, file_scan: Sc
     sampling = import_map.sampling
     if is_file_date or sampling.start_utc is not None:
         return start_ns, is_file_date
-    source_hz = file_scan.rate_hz * (file_scan.decimation.factor if file_scan.decimation else 1)
-    # The file's own times count from its start, dates from the first of them.
-    is_file_time = sampling.time_column is not None and sampling.time_column in (facts.time_column, *facts.dates)
-    offset_s = file_scan.first_s if is_file_time else 0.0
-    return start_ns + round((file_scan.skipped / source_hz + offset_s) * 1e9), False
+    if facts.zero_ns(sampling.time_column) is not None:
+        offset_s = file_scan.first_s
+    else:
+        # Channels of one step begin at the last of their starts.
+        names = import_map.columns()
+        step_s = facts.steps_s.get(names[0])
+        offset_s = max(facts.starts_s.get(name, 0.0) for name in names if facts.steps_s.get(name) == step_s)
+    return start_ns + round((file_scan.skipped / file_scan.source_rate_hz + offset_s) * 1e9), False
 
 
 def _stated_start_ns(path: Path, facts: FileFacts, import_map: ImportMap) -> tuple[int, bool]:

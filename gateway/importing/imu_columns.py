@@ -6,6 +6,7 @@ angular velocity (3), covariance (9), linear acceleration (3), covariance (9).
 
 import struct
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -14,7 +15,7 @@ import numpy as np
 from gateway.core.errors import ImportDataError
 from gateway.core.storable_text import storable
 from gateway.core.types import FloatArray
-from gateway.importing.columns import Block
+from gateway.importing.columns import Block, FileFacts
 from gateway.importing.waveform_columns import Waveform, WaveformColumns
 
 _SCHEMAS: Final = ("sensor_msgs/msg/Imu", "sensor_msgs/Imu")
@@ -67,6 +68,12 @@ class ImuColumns(WaveformColumns):
         for topic, stamps in times_ns.items():
             self._add(storable(topic).strip("/"), np.array(stamps), np.array(values[topic]))
 
+    @property
+    def facts(self) -> FileFacts:
+        """Every topic, with times of its own that count from the first stamp."""
+        times = tuple(name for name, waveform in self.waveforms.items() if waveform.name == "time")
+        return replace(super().facts, further_times=times)
+
     def blocks(self, names: Sequence[str]) -> Iterator[Block]:
         """Yield the named columns.
 
@@ -88,7 +95,8 @@ class ImuColumns(WaveformColumns):
         times_s = (stamps_ns[order] - (self.start_ns or 0)) * 1e-9
         columns = {name: (numbers[order, index], unit) for name, (index, unit) in _COLUMNS.items()}
         for name, (column, unit) in {"time": (times_s, "s"), **columns}.items():
-            self.waveforms[f"{topic}/{name}"] = Waveform.of(column, unit, topic, name)
+            waveform = Waveform.of(column, unit, topic, name)
+            self.waveforms[f"{topic}/{name}"] = replace(waveform, start_s=float(times_s[0]))
 
 
 def _message(data: bytes) -> tuple[int, FloatArray]:

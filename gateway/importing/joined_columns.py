@@ -3,10 +3,14 @@
 import contextlib
 import os
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from gateway.core.errors import ImportDataError
+from gateway.importing.column_names import unit_of
 from gateway.importing.columns import Block, BlockReader, FileFacts, require_columns
+from gateway.importing.import_map import ImportMap
+from gateway.importing.sensor_groups import require_one_sensor
 
 
 class JoinedColumns:
@@ -16,40 +20,47 @@ class JoinedColumns:
     are taken as they are.
 
     Attributes:
-        facts: statements of the first file.
+        facts: statements of the first file, with the warnings of all.
         unreadable: number of cells in the current pass that are no numbers, taken for missing values.
     """
 
-    def __init__(
-        self,
-        paths: Sequence[Path],
-        open_file: Callable[[Path], BlockReader],
-        names: Sequence[str],
-        time_column: str | None,
-    ) -> None:
-        """Check that all files have the columns.
+    def __init__(self, paths: Sequence[Path], open_file: Callable[[Path], BlockReader], import_map: ImportMap) -> None:
+        """Check that all files have the columns, in the same units, and none without times ends early.
 
         Args:
             paths: the files in the order of time.
             open_file: opens one.
-            names: columns that the map names.
-            time_column: that of the times, None without one.
+            import_map: meaning of their columns.
 
         Raises:
-            ImportDataError: a file occurs twice, cannot be read or lacks a column.
+            ImportDataError: a file occurs twice, cannot be read, or does not fit the map or the others.
         """
-        self._paths, self._open_file, self._time_column = tuple(paths), open_file, time_column
+        self._paths, self._open_file = tuple(paths), open_file
+        self._time_column = import_map.sampling.time_column
         self.unreadable = 0
         real_paths = [os.path.realpath(path) for path in paths]
         duplicate = next((path for k, path in enumerate(paths) if real_paths[k] in real_paths[:k]), None)
         if duplicate is not None:
             raise ImportDataError(f"{duplicate} is given twice", "Give each file once, in the order of time.")
-        facts = []
+        facts, names = [], import_map.columns()
+        warnings: dict[str, str] = {}
         for path in paths:
             with contextlib.closing(open_file(path)) as reader:
                 require_columns(reader, path, names)
+                require_one_sensor(path, reader.facts, import_map.wheels())
                 facts.append(reader.facts)
-        self.facts: FileFacts = facts[0]
+            _require_equal_units(path, facts[-1], paths[0], facts[0], names)
+            cuts = [
+                f"'{name}' has {cut[0]} of {cut[1]} samples" for name, cut in facts[-1].cut.items() if name in names
+            ]
+            if cuts and self._time_column is None and path != paths[-1]:
+                raise ImportDataError(
+                    f"{path} is cut: {', '.join(cuts)}; without times the next file would follow at once",
+                    "State time_column instead of rate_hz, or import the files before and behind the gap apart.",
+                )
+            for warning in (*cuts, *facts[-1].warnings):
+                warnings.setdefault(warning, f"{path.name}: {warning}")
+        self.facts: FileFacts = replace(facts[0], cut={}, warnings=tuple(warnings.values()))
 
     def blocks(self, names: Sequence[str]) -> Iterator[Block]:
         """Yield the named columns of all files.
@@ -66,9 +77,9 @@ class JoinedColumns:
                 for block in reader.blocks(names):
                     if row == first_row:
                         # A text file tells its first date with its first rows.
-                        begin_ns = _begin_ns(reader.facts, self._time_column)
+                        begin_ns = reader.facts.zero_ns(self._time_column)
                         if number == 0:
-                            origin_ns, self.facts = begin_ns, reader.facts
+                            origin_ns, self.facts = begin_ns, replace(self.facts, dates=reader.facts.dates)
                         elif begin_ns is not None and origin_ns is not None:
                             shift_s = (begin_ns - origin_ns) * 1e-9
                     values = block.values
@@ -84,11 +95,17 @@ class JoinedColumns:
         """Do nothing: each pass closes the files."""
 
 
-def _begin_ns(facts: FileFacts, time_column: str | None) -> int | None:
-    """Return the time, ns since 1970, at which the time column of a file is zero, None where it states none."""
-    if time_column in facts.dates:
-        return facts.dates[time_column]
-    return facts.start_ns if time_column is not None and time_column == facts.time_column else None
+def _require_equal_units(
+    path: Path, facts: FileFacts, first_path: Path, first_facts: FileFacts, names: Sequence[str]
+) -> None:
+    """Check that no column is in another unit than in the first file, as far as both state one."""
+    for name in names:
+        unit, first_unit = (unit_of(name, part.units.get(name, "")) for part in (facts, first_facts))
+        if unit and first_unit and unit != first_unit:
+            raise ImportDataError(
+                f"{path}: '{name}' is in {unit}, in {first_path.name} in {first_unit}",
+                "Write the files in the same units, or import each with a map of its own.",
+            )
 
 
 def _where(path: Path, block: Block) -> Callable[[int], str]:

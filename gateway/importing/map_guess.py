@@ -42,6 +42,7 @@ from gateway.importing.import_map import (
     ISO,
     PRESSURE_UNITS_PA,
     REFERENCE_UNITS,
+    TEMPERATURE_UNITS,
     TIME_UNITS_S,
     Axes,
     AxisColumn,
@@ -65,11 +66,12 @@ _MAX_UNREADABLE: Final = 0.1
 _MAX_COMPARED: Final = 9
 # Share of a magnitude by which columns that are rounded apart may miss it.
 _ROUNDING_SHARE: Final = 1e-3
+# Relative; steps of MDF channels are means of their times.
+_SAME_STEP: Final = 0.01
 _VOLTAGES: Final = VOLTS | {""}
-_TEMPERATURE_UNITS: Final = frozenset({"degC", "C"})
 # A constant column of these states a condition of the test.
 _UNITS_OF_CONSTANTS: Final = (
-    _TEMPERATURE_UNITS | PRESSURE_UNITS_PA.keys() | REFERENCE_UNITS["speed"].keys() | REFERENCE_UNITS["rotation"].keys()
+    TEMPERATURE_UNITS | PRESSURE_UNITS_PA.keys() | REFERENCE_UNITS["speed"].keys() | REFERENCE_UNITS["rotation"].keys()
 ) - {"Hz"}
 _LOADS_N: Final = {"N": 1.0, "kN": 1e3, "kg": 9.80665}
 _LOAD: Final = re.compile(r"load|last|fz|force|kraft", re.IGNORECASE)
@@ -181,7 +183,8 @@ def _at_one_rate(
     if facts.time_column is not None and all(column.name != facts.time_column for column in main):
         main = [*_at_rows_of(base, Seen(facts.time_column, base.values, "s", base.where), reader), *main]
     for column in [column for column in columns if len(column.values) != rows]:
-        is_in_step = not column.says_acceleration or facts.steps_s.get(column.name) == facts.steps_s.get(base.name)
+        step_s, base_step_s = (facts.steps_s.get(name, 0.0) for name in (column.name, base.name))
+        is_in_step = not column.says_acceleration or math.isclose(step_s, base_step_s, rel_tol=_SAME_STEP)
         if is_in_step and column.name in facts.cut:
             main = _at_common_rows(main, column, reader, facts)
             continue
@@ -420,7 +423,7 @@ def _environment(column: Seen, *, is_smooth: bool) -> Iterator[tuple[str, str]]:
     if unit in PRESSURE_UNITS_PA or (PRESSURE.search(name) and not unit):
         yield "pressure", unit
     is_named = is_smooth and TEMPERATURE.search(name) is not None
-    if unit in _TEMPERATURE_UNITS:
+    if unit in TEMPERATURE_UNITS:
         yield "temperature", "" if unit == "degC" or is_named else unit
     elif is_named and not unit:
         yield "temperature", "by its name"

@@ -84,11 +84,24 @@ class MdfColumns:
             time_column=TIME,
             conditions=self._conditions(),
             groups=self._groups,
+            steps_s=self._steps_s(),
         )
 
     def close(self) -> None:
         """Close the file."""
         self._mdf.close()
+
+    def _steps_s(self) -> dict[str, float]:
+        """Return the mean time between the values of each channel whose group has times."""
+        steps_s: dict[int, float] = {}
+        for number in {channel.group for channel in self._channels.values()} & set(self._mdf.masters_db):
+            count = int(self._mdf.groups[number].channel_group.cycles_nr)
+            with contextlib.suppress(Exception):  # of asammdf: a damaged group is named where it is read
+                ends = [self._mdf.get_master(number, record_offset=row, record_count=1) for row in (0, count - 1)]
+                steps_s[number] = float(ends[1][0] - ends[0][0]) / (count - 1)
+        return {
+            name: step_s for name, channel in self._channels.items() if (step_s := steps_s.get(channel.group, 0.0)) > 0
+        }
 
     def _conditions(self) -> dict[str, dict[str, Sequence[str]]]:
         """Return the properties of each group by its name."""

@@ -24,7 +24,7 @@ class ReferenceChannel:
 
         Args:
             reference: the reference as the map states it.
-            rate_hz: sampling rate of the recording.
+            rate_hz: sampling rate of the file.
             lowest: smallest value of the column in the whole file.
             highest: largest value of it.
         """
@@ -37,7 +37,7 @@ class ReferenceChannel:
         self._turns = 0.0
         self._last: float | None = None
         self._high: bool | None = None
-        self._sum, self._count, self._begin = 0.0, 0, 0
+        self._sum, self._places, self._count, self._begin = 0.0, 0, 0, 0
         self._next_angle = 0
 
     def feed(self, values: FloatArray) -> Iterator[tuple[float, float]]:
@@ -105,18 +105,19 @@ class ReferenceChannel:
         self._turns, self._last = float(total_turns[-1]), float(turns[valid_rows[-1]])
 
     def _means(self, values: FloatArray) -> Iterator[tuple[float, float]]:
-        """Yield the mean of each interval at its centre."""
+        """Yield the mean of each interval with values, at the mean of their times."""
         width = max(1, round(_MEAN_S * self._rate_hz))
         first = 0
         while first < len(values):
             end = min(first + width - (self._row + first - self._begin), len(values))
             part = values[first:end]
-            valid = part[np.isfinite(part)]
-            self._sum += float(valid.sum())
-            self._count += len(valid)
+            places = np.flatnonzero(np.isfinite(part))
+            self._sum += float(part[places].sum())
+            self._places += int((places + (self._row + first - self._begin)).sum())
+            self._count += len(places)
             first = end
             if self._row + first - self._begin >= width:
-                if self._count > 0.5 * width and math.isfinite(self._sum):
+                if self._count and math.isfinite(self._sum):
                     mean = self._sum / self._count * self.reference.factor
-                    yield (self._begin + 0.5 * (width - 1)) / self._rate_hz, mean
-                self._sum, self._count, self._begin = 0.0, 0, self._row + first
+                    yield (self._begin + self._places / self._count) / self._rate_hz, mean
+                self._sum, self._places, self._count, self._begin = 0.0, 0, 0, self._row + first

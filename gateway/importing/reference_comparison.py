@@ -208,7 +208,7 @@ def turn_means(
     times, reference = np.asarray(times_s, dtype=np.float64), np.asarray(values, dtype=np.float64)
     order = np.argsort(times, kind="stable")
     times, reference = times[order], reference[order]
-    covered = _covered(times, starts_s, periods_s)
+    covered = _covered(times, reference if is_turns else None, starts_s, periods_s)
     if not covered.any():
         return np.full(len(starts_s), math.nan)
     # Of a rate the mean over the turn: the difference of its integral.
@@ -217,18 +217,22 @@ def turn_means(
     return np.where(covered, means, math.nan)
 
 
-def _covered(times_s: FloatArray, starts_s: FloatArray, periods_s: FloatArray) -> BoolArray:
-    """Return which revolutions the reference covers without a gap."""
+def _covered(times_s: FloatArray, turns: FloatArray | None, starts_s: FloatArray, periods_s: FloatArray) -> BoolArray:
+    """Return which revolutions the reference covers without a gap, also one in which whole turns were not counted."""
     if len(times_s) < 2 or not len(starts_s):
         return np.zeros(len(starts_s), dtype=np.bool_)
     first = np.searchsorted(times_s, starts_s, side="right") - 1
     last = np.searchsorted(times_s, starts_s + periods_s, side="left")
     inside = (first >= 0) & (last < len(times_s))
     steps = np.diff(times_s)
+    advances = None if turns is None else np.diff(turns) * np.sign(turns[-1] - turns[0])
     # The largest step inside a window: the windows are short, and so is the loop over them.
     for k in np.flatnonzero(inside):
-        largest = float(steps[first[k] : max(last[k], first[k] + 1)].max())
-        inside[k] = largest <= _LARGEST_STEP * max(float(periods_s[k]), _USUAL_STEP_S)
+        window = slice(first[k], max(last[k], first[k] + 1))
+        inside[k] = float(steps[window].max()) <= _LARGEST_STEP * max(float(periods_s[k]), _USUAL_STEP_S)
+        # Twice the advance: an estimate of half the period is to be compared, not left out.
+        if advances is not None and inside[k]:
+            inside[k] = bool((steps[window] <= (0.5 + 2.0 * advances[window]) * periods_s[k]).all())
     return inside
 
 

@@ -44,22 +44,23 @@ def sensor_groups(names: Sequence[str], of_file: Mapping[str, Sequence[str]]) ->
 
 
 def require_one_sensor(path: Path, facts: FileFacts, wheels: Sequence[ImportedWheel]) -> None:
-    """Check that the axes of each wheel are of one sensor.
+    """Check that the axes of each wheel are of one sensor, and those of all at one rate.
 
     Raises:
-        ImportDataError: naming the axes of a wheel with their sensors.
+        ImportDataError: naming the axes with their sensors or steps.
     """
+    axes = [axis.column for wheel in wheels for axis in wheel.axis.present().values()]
+    steps_s = {name: facts.steps_s[name] for name in axes if name in facts.steps_s}
+    if steps_s and max(steps_s.values()) > 1.5 * min(steps_s.values()):
+        details = ", ".join(f"{name} has {step_s:g} s" for name, step_s in steps_s.items())
+        raise ImportDataError(
+            f"{path}: the axes differ in their step: {details}",
+            "Leave axes of other rates out of the map: interpolation would change an acceleration.",
+        )
     for wheel in wheels:
         columns = [axis.column for axis in wheel.axis.present().values()]
         if len(columns) < 2:
             continue
-        steps_s = [facts.steps_s[name] for name in columns if name in facts.steps_s]
-        if steps_s and max(steps_s) > 1.5 * min(steps_s):
-            details = ", ".join(f"{name} has {facts.steps_s[name]:g} s" for name in columns if name in facts.steps_s)
-            raise ImportDataError(
-                f"{path}: the axes of wheel {wheel.position} differ in their step: {details}",
-                "Leave axes of other rates out of the map: interpolation would change an acceleration.",
-            )
         groups = _sensors_in_file(columns, facts)
         if len(set(groups.values())) > 1:
             details = ", ".join(f"'{name}' of {groups[name]}" for name in columns)

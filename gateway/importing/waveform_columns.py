@@ -108,6 +108,7 @@ class WaveformColumns:
             warnings=tuple(self.warnings),
             stated=tuple(self.stated),
             steps_s={name: waveform.step_s for name, waveform in self.waveforms.items() if waveform.step_s > 0.0},
+            starts_s={name: waveform.start_s for name, waveform in self.waveforms.items()},
         )
 
     def blocks(self, names: Sequence[str]) -> Iterator[Block]:

@@ -186,3 +186,56 @@ def test_impossible_dates_are_refused(tmp_path: Path, cell: str) -> None:
     sampling = 'time_column = "when"\ntime_unit = "iso"\ntime_zone = "UTC"\ndate_order = "mdy"'
     with pytest.raises(ImportDataError, match="is not an ISO time"):
         import_file(path, parse_map(simple_map(sampling=sampling), "map"), tmp_path / "out.mcap")
+
+
+def write_parts(folder: Path, *parts: tuple[str, int]) -> list[Path]:
+    """Write TDMS files of 2400 rows of z and the stated number of x, in a unit."""
+    nptdms = pytest.importorskip("nptdms")
+    folder.mkdir()
+    paths = []
+    for k, (unit, rows) in enumerate(parts):
+        paths.append(folder / f"run{k}.tdms")
+        stamp = np.datetime64("2024-05-01T12:00:00", "us") + np.timedelta64(250_000 * k, "us")
+        clock = {"wf_increment": 1 / RATE_HZ, "wf_start_time": stamp, "wf_start_offset": 0.0, "unit_string": unit}
+        begin = 2400 * k
+        axes = {"z": AXES["z"][begin : begin + 2400], "x": AXES["x"][begin : begin + rows]}
+        with nptdms.TdmsWriter(str(paths[-1]), index_file=True) as writer:
+            writer.write_segment([nptdms.ChannelObject("g", name, data, clock) for name, data in axes.items()])
+    return paths
+
+
+AXES_OF_PARTS = {
+    "axis.circumferential": 'column = "g/x"\nunit = "g"',
+    "axis.lateral": "",
+    "axis.radial": 'column = "g/z"\nunit = "g"',
+}
+
+
+def test_units_and_cuts_of_every_file_count(tmp_path: Path) -> None:
+    by_time = parse_map(simple_map(sampling='time_column = "time"', **AXES_OF_PARTS), "map")
+    by_rate = parse_map(simple_map(sampling="rate_hz = 9600", **AXES_OF_PARTS), "map")
+    write_parts(tmp_path / "cut", ("g", 2400), ("g", 1400), ("g", 2400))
+    # Of a folder, with the index that LabVIEW keeps beside each file.
+    report = import_file(tmp_path / "cut", by_time, tmp_path / "cut.mcap")
+    assert (report.samples, report.left_out) == (7200, 1000)
+    assert any("run1.tdms: 'g/x' has 1400 of 2400 samples" in line for line in report.assumed)
+    with pytest.raises(ImportDataError, match=r"run1.tdms is cut: 'g/x' has 1400 of 2400 samples"):
+        import_file(tmp_path / "cut", by_rate, tmp_path / "out.mcap")
+    last = write_parts(tmp_path / "last", ("g", 2400), ("g", 1400))
+    assert import_file(last, by_rate, tmp_path / "last.mcap").samples == 3800
+    mixed = write_parts(tmp_path / "mixed", ("g", 2400), ("m/s^2", 2400))
+    with pytest.raises(ImportDataError, match=r"run1.tdms: 'g/[xz]' is in m/s\^2, in run0.tdms in g"):
+        import_file(mixed, by_time, tmp_path / "out.mcap")
+
+
+def test_axes_in_several_files_are_of_one_sensor(tmp_path: Path) -> None:
+    columns = {f"S{k}_{name}": values for k in (1, 2) for name, values in AXES.items()}
+    text = simple_map(
+        **{
+            "axis.circumferential": 'column = "S1_x"\nunit = "g"',
+            "axis.lateral": "",
+            "axis.radial": 'column = "S2_z"\nunit = "g"',
+        }
+    )
+    with pytest.raises(ImportDataError, match="are of several sensors"):
+        import_file(parts(tmp_path, 2, columns), parse_map(text, "map"), tmp_path / "out.mcap")

@@ -99,3 +99,22 @@ def test_import_of_a_fast_file_keeps_time_and_states_the_filter(tmp_path: Path, 
     assert "decimated 4 times from 102400 Hz" in line
     assert "flat within 0.001 dB up to 10240 Hz, 80 dB from 12800 Hz on" in line
     assert "decimated 4 times" in decoded.vehicle_toml
+
+
+def test_pulses_and_sparse_pressure_are_taken_at_the_rate_of_the_file(tmp_path: Path) -> None:
+    rows = np.arange(20_000)
+    columns = {
+        "z": np.sin(rows / 50.0),
+        "pulse": np.where(rows % 1001 < 2, 5.0, 0.0),
+        "p": np.where(rows % 1024 == 1, 220.0, np.nan),
+    }
+    text = simple_map(
+        sampling="rate_hz = 102400.0",
+        environment='pressure_column = "p"',
+        **{"axis.circumferential": "", "axis.lateral": ""},
+    )
+    text += '\n[[reference]]\nname = "tacho"\ncolumn = "pulse"\nquantity = "pulses"\n'
+    report = import_file(write_csv(tmp_path / "run.csv", columns), parse_map(text, "map"), tmp_path / "out.mcap")
+    # The first pulse has no edge before it.
+    assert report.references == {"tacho": 19}
+    assert [entry.pressure_pa for entry in Decoded(report.recording).environments] == [220e3]

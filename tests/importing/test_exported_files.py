@@ -74,7 +74,8 @@ def test_what_is_stated_is_stated_again(tmp_path: Path) -> None:
     text = (
         "# FL exported_by: treadlink 0.1.0\r\n# FL load_n: 4000.0 N (configuration)\r\n"
         "# FL radius_m: 0.31 m (configuration)\r\n# FL radius_std_m: 0.0005 m (configuration)\r\n"
-        "# FL pressure_pa: 220000.0 Pa (configuration)\r\n# FL axes: radial\r\n# FL coupling: ac (measured)\r\n"
+        "# FL pressure_pa: 220000.0 Pa (configuration)\r\n"
+        "# FL temperature_degc: 45.0 degC (configuration)\r\n# FL axes: radial\r\n# FL coupling: ac (measured)\r\n"
         "# FL relative_rate_std: 0.01 (configuration)\r\n"
         "# column wheel: position\r\nwheel,time_s,radial_mps2,device_s\r\n"
     )
@@ -84,7 +85,7 @@ def test_what_is_stated_is_stated_again(tmp_path: Path) -> None:
     for name in ("one", "two"):
         recording = gateway.open(import_exported(path, tmp_path / f"{name}.mcap").recording)
         (setup,) = recording.vehicle.wheel_setups()
-        assert (setup.pressure_pa, setup.load_n) == (220e3, 4000.0)
+        assert (setup.pressure_pa, setup.temperature_degc, setup.load_n) == (220e3, 45.0, 4000.0)
         assert (setup.radius_m, setup.radius_std_m) == pytest.approx((0.31, 0.0005))
         assert setup.sensor.rate_std == pytest.approx(0.01)
         path = recording.export(tmp_path / f"{name}-again.csv")
@@ -109,6 +110,10 @@ def test_other_files_and_contents_are_refused(drive, tmp_path: Path) -> None:
     for path in (foreign, parquet):
         with pytest.raises(ImportDataError, match="is no CSV or MF4 file of `treadlink export`"):
             import_exported(path, tmp_path / "a.mcap")
+    exported = drive.export(tmp_path / "samples.mcap")
+    with pytest.raises(ImportDataError, match="is an MCAP file of `treadlink export`"):
+        import_exported(exported, tmp_path / "a.mcap")
+    exported.unlink()
     recording = tmp_path / "drive.mcap"
     recording.touch()
     with pytest.raises(ImportDataError) as error:

@@ -260,6 +260,21 @@ def test_topics_with_times_of_their_own_are_never_mixed(tmp_path: Path) -> None:
         imported(path, mixed)
 
 
+def test_recording_starts_with_its_own_topic(tmp_path: Path) -> None:
+    path = write_imu(tmp_path / "two.mcap", ("/front/imu", "/rear/imu"), apart_ns=5_000_000_000)
+    rear = guess_map(path).replace('"front/imu/', '"rear/imu/')
+    start_s = Decoded(imported(path, rear).recording).items[0].host_ns * 1e-9
+    assert start_s == pytest.approx(1714640075.0, abs=1e-3)
+
+
+def test_stamps_go_on_in_the_next_file_of_a_bag(tmp_path: Path) -> None:
+    part_ns = round(len(AXES_G) * 1e9 / RATE_HZ)
+    first = write_imu(tmp_path / "bag_0.mcap")
+    second = write_imu(tmp_path / "bag_1.mcap", stamp_of=lambda log_ns: log_ns + part_ns)
+    report = import_file([first, second], parse_map(guess_map(first), "map"), tmp_path / "out.mcap")
+    assert (report.samples, report.left_out) == (2 * len(AXES_G), 0)
+
+
 @pytest.mark.parametrize(
     ("name", "alias"),
     [("famos.raw", "x.bin"), ("run.npz", "x.raw"), ("daq.wav", "x"), ("rig.xlsx", "x.bin"), ("rig.tdx", "x.txt")],

@@ -38,6 +38,27 @@ def values(path: Path, processes: ReaderProcesses, *names: str) -> FloatArray:
         reader.close()
 
 
+def test_packed_numbers_of_netcdf_are_unpacked(tmp_path: Path, processes: ReaderProcesses) -> None:
+    path, stored = tmp_path / "run.nc4", np.array([-32767, 0, 10, 20, -1], dtype=np.int16)
+    with h5py.File(path, "w") as file:
+        data = file.create_dataset("z", data=stored)
+        attributes = {"scale_factor": 0.5, "add_offset": 3.0, "_FillValue": stored[:1], "missing_value": stored[4]}
+        data.attrs.update(attributes)
+    np.testing.assert_array_equal(values(path, processes, "z")[:, 0], [np.nan, 3.0, 8.0, 13.0, np.nan])
+
+
+@pytest.mark.parametrize(("attribute", "first"), [("offset", 0.0), ("offset_s", 1000.0), ("wf_start_offset", 1000.0)])
+def test_offset_of_a_calibration_is_no_start(
+    tmp_path: Path, processes: ReaderProcesses, attribute: str, first: float
+) -> None:
+    path = tmp_path / "run.h5"
+    with h5py.File(path, "w") as file:
+        for name, start in (("x", 0.0), ("z", 1.0)):
+            file[name] = np.arange(2000.0)
+            file[name].attrs.update({attribute: start, "dt": 1e-3})
+    assert values(path, processes, "x", "z")[0].tolist() == [first, 0.0]
+
+
 def as_matlab(path: Path) -> None:
     """Give a file that has a user block the header of MATLAB 7.3."""
     data = path.read_bytes()
@@ -238,6 +259,18 @@ def test_slow_channel_is_interpolated_to_the_axes(measured: Path, processes: Rea
         list(reader.blocks(["z", "x (group 2)"]))
     reader.close()
     assert result[25_000, 1] == pytest.approx(222.5)
+
+
+def test_slower_acceleration_of_another_group_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "two.mf4"
+    with asammdf.MDF() as mdf:
+        for name, step in (("z", 1), ("y", 2)):
+            times = np.arange(0, 4000, step) / RATE_HZ
+            mdf.append([asammdf.Signal(np.sin(50 * times), times, name=name, unit="g")])
+        mdf.save(path, overwrite=True)
+    text = simple_map(sampling='time_column = "time"', **{"axis.circumferential": ""})
+    with pytest.raises(ImportDataError, match="differ in their step: y has 0.0002 s, z has 0.0001 s"):
+        import_file(path, parse_map(text, "map"), tmp_path / "out.mcap")
 
 
 def test_import_takes_time_start_and_gaps_from_the_file(measured: Path, tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from gateway.importing.import_map import ReferenceColumn, parse_map
 from gateway.importing.importer import import_file
 from gateway.importing.map_guess import guess_map
 from gateway.importing.reference_channels import ReferenceChannel
-from gateway.importing.reference_comparison import ReferenceComparison, TurnLog
+from gateway.importing.reference_comparison import ReferenceComparison, TurnLog, turn_means
 from gateway.importing.reference_topic import RecordedReferences
 from gateway.importing.views.reference_lines import reference_lines
 from tests.importing.measurements import simple_map, write_csv
@@ -204,3 +204,45 @@ def test_load_that_a_rig_has_for_a_small_part_is_known_to_no_more_than_itself(tm
     report = import_file(path, parse_map(text, "map"), tmp_path / "out.mcap")
     (wheel,) = tomllib.loads(RecordingReader(report.recording).vehicle_toml or "")["wheel"]
     assert wheel["load_std_n"] == wheel["load_n"] == pytest.approx(800.0)
+
+
+def test_reference_of_a_sensor_that_starts_later_is_in_time(tmp_path: Path) -> None:
+    rows = zip(wheel().times_s, wheel().axes_mps2[:, 2], wheel().speed_mps, strict=True)
+    texts = [f"{time_s!r},{z!r},{v!r}" for time_s, z, v in np.array(list(rows)).tolist()]
+    path = tmp_path / "two.csv"
+    path.write_text("\n".join(["node,t,z,v", *(f"1,{s}" for s in texts), *(f"2,{s}" for s in texts[9600:])]) + "\n")
+    text = '[file]\nsensor_column = "node"\n[sampling]\ntime_column = "t"\n[sensor]\ncoupling = "DC"\n'
+    for node, position in (("1", "FL"), ("2", "FR")):
+        text += f'[[wheel]]\nposition = "{position}"\nsensor = "{node}"\n'
+        text += '[wheel.axis.radial]\ncolumn = "z"\nunit = "m/s^2"\n'
+    text += '[[reference]]\nname = "v"\ncolumn = "v"\nquantity = "speed"\nunit = "m/s"\n'
+    recording = RecordingReader(import_file(path, parse_map(text, "map"), tmp_path / "o.mcap").recording)
+    references = RecordedReferences(recording)
+    assert list(recording.items())
+    results = {reference.position: reference for reference in references.references()}
+    assert results["FR"].times_s[0] == pytest.approx(1.05, abs=1e-3)
+    for reference in results.values():
+        expected = np.interp(reference.times_s, wheel().times_s, wheel().speed_mps)
+        np.testing.assert_allclose(reference.values, expected, rtol=1e-6)
+
+
+def test_values_in_some_rows_only_are_taken_at_their_times() -> None:
+    column = np.full(1000, np.nan)
+    column[7::30] = np.arange(1000)[7::30] / 1000.0
+    times_s, values = np.array(list(channel(quantity="speed", unit="m/s").feed(column))).T
+    assert len(values) == 10
+    np.testing.assert_allclose(values, times_s, atol=1e-12)
+
+
+@pytest.mark.parametrize("rate_hz", [9.3, -9.3])
+def test_turns_that_an_encoder_has_not_counted_are_a_gap(rate_hz: float) -> None:
+    turns = rate_hz * np.arange(2000) / 1000.0
+    turns[800:1080] = np.nan
+    times_s, values = np.array(list(channel(quantity="angle", unit="turns").feed(turns % 1))).T
+    starts_s = np.arange(0.1, 1.8, 0.1)
+    means = turn_means(times_s, values, starts_s, np.full(len(starts_s), 1 / 9.3), is_turns=True)
+    assert np.flatnonzero(np.isnan(means)).tolist() == [6, 7, 8, 9]
+    np.testing.assert_allclose(means[np.isfinite(means)], rate_hz)
+    # An estimate of half the period is wrong by its factor, not without a reference.
+    halved = turn_means(times_s, values, starts_s[:5], np.full(5, 0.5 / 9.3), is_turns=True)
+    np.testing.assert_allclose(halved, rate_hz)

@@ -172,3 +172,31 @@ def test_import_names_the_unlikely_unit(tmp_path: Path) -> None:
     (line,) = [line for line in result.output.splitlines() if line.startswith("check: ")]
     assert "the radial column is in g, not in m/s^2" in line
     assert "0.1" in line
+
+
+def two_sensors(path: Path, rate_hz: float) -> Path:
+    """Write rows of two sensors: one skips 200 rows, the other has 150 empty cells."""
+    lines = ["node,t,acc [m/s^2],fz"]
+    for row, value in enumerate(np.random.default_rng(5).normal(size=4000).tolist()):
+        lines += [] if 1000 <= row < 1200 else [f"1,{row / rate_hz!r},{value!r},4000"]
+        lines.append(f"2,{row / rate_hz!r},{'' if 2000 <= row < 2150 else value},4000")
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def test_what_the_rows_of_any_sensor_show_is_told(tmp_path: Path) -> None:
+    text = simple_map(file='sensor_column = "node"', sampling='time_column = "t"', **ONE_WHEEL)
+    for node, position in (("1", "FL"), ("2", "FR")):
+        text += f'\n[[wheel]]\nposition = "{position}"\nsensor = "{node}"\n'
+        text += '[wheel.axis.radial]\ncolumn = "acc [m/s^2]"\nunit = "g"\n'
+    text += '[[reference]]\nname = "fz"\ncolumn = "fz"\nquantity = "load"\nunit = "N"\nstd = 10\nwheels = ["FR"]\n'
+    import_map = parse_map(text, "map")
+    slow = import_file(two_sensors(tmp_path / "slow.csv", 9600.0), import_map, tmp_path / "slow.mcap")
+    assert [wheel.left_out for wheel in slow.wheels] == [200, 0]
+    assert "150 rows without a value in an axis are gaps between samples" in report_lines(slow)
+    assert slow.references == {"fz": 4}
+    fast = import_file(two_sensors(tmp_path / "fast.csv", 51200.0), import_map, tmp_path / "fast.mcap")
+    assert "'acc [m/s^2]' is in g, as the map says; the file says m/s^2" in fast.assumed
+    assert sum("decimated 2 times" in line for line in fast.assumed) == 1
+    vehicle = recorded_vehicle(RecordingReader(fast.recording).vehicle_toml or "", "out")
+    assert [(wheel.load_n, wheel.load_std_n) for wheel in vehicle.wheel] == [(None, None), (4000.0, 10.0)]

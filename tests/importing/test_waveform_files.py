@@ -145,3 +145,57 @@ def test_damaged_file_is_an_error_that_names_it(tmp_path: Path, name: str, conte
     path.write_bytes(content)
     with pytest.raises(ImportDataError, match=name):
         import_file(path, parse_map(simple_map(), "map"), tmp_path / "out.mcap")
+
+
+def write_channels(path: Path, *channels: tuple[str, np.ndarray, str, float, float]) -> Path:
+    """Write channels of a group `rig`: name, values, unit, rate in Hz, and start in s from START."""
+    with nptdms.TdmsWriter(str(path)) as writer:
+        writer.write_segment([
+            nptdms.ChannelObject("rig", name, values, {
+                "wf_increment": 1.0 / rate_hz, "wf_start_offset": 0.0, "unit_string": unit,
+                "wf_start_time": START + np.timedelta64(round(start_s * 1e6), "us"),
+            })
+            for name, values, unit, rate_hz, start_s in channels
+        ])  # fmt: skip
+    return path
+
+
+RADIAL = {"axis.circumferential": "", "axis.lateral": "", "axis.radial": 'column = "rig/z"\nunit = "g"'}
+
+
+def test_units_of_slow_columns_and_references_are_compared_with_those_of_the_file(tmp_path: Path) -> None:
+    z = AXES_G[:, 2]
+    others = [(name, np.full(len(z), 20.0), unit, 9600.0, 0.0) for name, unit in (("p", "bar"), ("T", "K"))]
+    speed = ("v", np.full(len(z), 64.8), "km/h", 9600.0, 0.0)
+    path = write_channels(tmp_path / "run.tdms", ("z", z, "g", 9600.0, 0.0), *others, speed)
+    environment = 'pressure_column = "rig/p"\npressure_unit = "psi"\ntemperature_column = "rig/T"'
+    text = simple_map(sampling='time_column = "time"', environment=environment, **RADIAL)
+    text += '\n[[reference]]\nname = "v"\ncolumn = "rig/v"\nquantity = "speed"\nunit = "UNIT"\n'
+    wrong = import_file(path, parse_map(text.replace("UNIT", "m/s"), "map"), tmp_path / "wrong.mcap")
+    assert [line for line in wrong.assumed if "the file says" in line] == [
+        "'rig/p' is in psi, as the map says; the file says bar",
+        "'rig/T' is in degC, as the map says; the file says K",
+        "'rig/v' is in m/s, as the map says; the file says km/h",
+    ]
+    text = text.replace("UNIT", "km/h").replace("psi", "bar").replace('\ntemperature_column = "rig/T"', "")
+    assert not import_file(path, parse_map(text, "map"), tmp_path / "right.mcap").assumed
+
+
+@pytest.mark.parametrize("sampling", ["rate_hz = 9600", 'time_column = "time"'])
+def test_recording_starts_with_its_own_channels(tmp_path: Path, sampling: str) -> None:
+    temperature = ("T", np.full(10, 30.0), "degC", 1.0, -5.0)
+    path = write_channels(tmp_path / "run.tdms", temperature, ("z", AXES_G[:, 2], "g", 9600.0, 0.0))
+    text = simple_map(sampling=sampling, environment='temperature_column = "rig/T"', **RADIAL)
+    report = import_file(path, parse_map(text, "map"), tmp_path / "out.mcap")
+    start_ns = int(START.astype("datetime64[ns]").astype(np.int64))
+    assert Decoded(report.recording).items[0].host_ns == pytest.approx(start_ns, abs=1000)
+
+
+def test_slower_acceleration_of_another_wheel_is_refused(tmp_path: Path) -> None:
+    z = AXES_G[:, 2]
+    path = write_channels(tmp_path / "run.tdms", ("FL z", z, "g", 9600.0, 0.0), ("FR z", z[::2], "g", 4800.0, 0.0))
+    text = simple_map(sampling='time_column = "time"', **dict.fromkeys(RADIAL, ""))
+    for position in ("FL", "FR"):
+        text += f'\n[[wheel]]\nposition = "{position}"\n[wheel.axis.radial]\ncolumn = "rig/{position} z"\nunit = "g"'
+    with pytest.raises(ImportDataError, match=r"differ in their step: rig/FL z has 0.000104167 s, rig/FR z has"):
+        import_file(path, parse_map(text, "map"), tmp_path / "out.mcap")

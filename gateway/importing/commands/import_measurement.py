@@ -129,7 +129,7 @@ def report_lines(report: ImportReport) -> list[str]:
             f"   step {axis.step_mps2:.3g}, largest error {axis.error_mps2:.3g}"
             for axis in wheel.axes
         ]
-        gaps = wheel.gaps if report.decimation is not None else wheel.gaps - report.left_out
+        gaps = wheel.gaps if report.decimation is not None else wheel.gaps - wheel.left_out
         if gaps > 0:
             lines.append(f"{gaps} rows without a value in an axis are gaps between samples")
         if wheel.bridged:
