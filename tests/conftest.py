@@ -5,6 +5,9 @@ Fixtures: a TCP hub, a thread that reads a source, and a browser.
 
 from __future__ import annotations
 
+import ctypes
+import functools
+import gc
 import os
 import shutil
 import signal
@@ -59,6 +62,28 @@ def pytest_addoption(parser):
     """Add the option that accepts changed results; see tests/golden."""
     parser.addoption("--update-golden", action="store_true", help="store changed results and print them")
     parser.addoption("--golden-numbers", action="store_true", help="compare the numbers of stored results only")
+
+
+def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None):
+    """Free what a module has cached when its tests are over, and what helpers have when the folder changes.
+
+    A worker that keeps the recordings and diagnoses of every module grows beyond 1.8 GB.
+    """
+    if nextitem is not None and nextitem.path == item.path:
+        return
+    module = getattr(getattr(item, "module", None), "__name__", "")
+    is_room_over = nextitem is None or nextitem.path.parent != item.path.parent
+    for name, loaded in list(sys.modules.items()):
+        if name == module or (is_room_over and name.startswith(("tests.testkit.", "tools."))):
+            for value in list(vars(loaded).values()):
+                if isinstance(value, functools._lru_cache_wrapper):
+                    value.cache_clear()
+    if is_room_over:
+        gc.collect()
+        # What is free stays with the process otherwise.
+        trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+        if trim is not None:
+            trim(0)
 
 
 @pytest.fixture
