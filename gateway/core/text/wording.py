@@ -147,6 +147,8 @@ def _text(reason: Reason, units: ShownUnits) -> str:  # noqa: ARG001 - the texts
         sentence = _FORMATTER.vformat(reason.code.text_template, (), {**values, **worded})
         if "consequences" in values:
             sentence += _FORMATTER.vformat("; this also changes {consequences:series}", (), values)
+        if "also_at" in values:
+            sentence += f"; likewise at {values['also_at']}"
         return sentence
     except (LookupError, TypeError, ValueError):  # a plug-in may give a code with values that are not the code's
         return str(reason.code)

@@ -27,6 +27,7 @@ from gateway.fleet.trends.pressure_trend import add_pressure, cold_kpa
 from gateway.fleet.trends.recording_doubts import findings_of_recordings
 from gateway.fleet.trends.regression import LEAST_FREEDOM
 from gateway.fleet.trends.sensor_trend import add_sensor
+from gateway.fleet.trends.shared_load import with_one_load
 from gateway.fleet.trends.stated_changes import findings_of_changes, places_of, stated_changes
 from gateway.fleet.trends.structure_trend import RAMPS, STEPS_APART, StructureChange, structure_change
 from gateway.fleet.trends.tire_history import TireHistory
@@ -81,7 +82,7 @@ def analyse(
     ]
     moves = findings_of_moves(tires)
     return FleetTrends(
-        tires=_without_permeation(_with_fast_wear([_with_moves(trend, moves) for trend, _ in trends])),
+        tires=with_one_load(_without_permeation(_with_fast_wear([_with_moves(trend, moves) for trend, _ in trends]))),
         pairs=tuple(axle_pairs(tires)),
         outliers=tuple(outlier for _, tire in trends for outlier in tire.outliers),
         tested=sum(tire.tested for _, tire in trends),

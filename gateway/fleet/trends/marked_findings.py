@@ -27,7 +27,7 @@ FILE: Final = "marked-findings.json"
 _FORMAT: Final = "treadlink marked findings"
 # Errors of both sizes by which a finding must have grown.
 _GROWN: Final = 3.5
-# Values of findings that are their size, with their errors; that of a count is its root.
+# Values of findings that are their size, with their errors; a count has none.
 _SIZES: Final[Mapping[str, str]] = {
     "after_pa": "after_std_pa",
     "after_m": "after_std_m",
@@ -160,7 +160,9 @@ def _is_hidden(finding: Reason, mark: FindingMark | None, newest: str) -> bool:
         return False
     size, std = size_of(finding)
     is_reversed = size * mark.size < 0.0
-    return not (is_reversed or abs(size) - abs(mark.size) > _GROWN * math.hypot(std, mark.std))
+    # The error of a count is its root.
+    variance = std**2 + mark.std**2 if std else abs(size) + abs(mark.size)
+    return not (is_reversed or abs(size) - abs(mark.size) > _GROWN * math.sqrt(variance))
 
 
 def size_of(finding: Reason) -> tuple[float, float]:
@@ -168,8 +170,7 @@ def size_of(finding: Reason) -> tuple[float, float]:
     values = dict(finding.values)
     for name, std in _SIZES.items():
         if name in values:
-            size = float(str(values[name]))
-            return size, float(str(values.get(std, 0.0))) if std else math.sqrt(abs(size))
+            return float(str(values[name])), float(str(values.get(std, 0.0)))
     return 0.0, 0.0
 
 

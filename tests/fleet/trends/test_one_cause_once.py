@@ -21,9 +21,9 @@ COUNT = 60
 INDEX = np.arange(COUNT)
 
 
-def tire_with(seed: int = 3, **columns) -> TireHistory:
+def tire_with(seed: int = 3, position: str = "FL", **columns) -> TireHistory:
     """Return a tire of sixty recordings with columns multiplied by factors."""
-    tire = history(seed, COUNT, months=4.0)
+    tire = history(seed, COUNT, months=4.0, position=position, sensor_id=f"0000a0{position}")
     return replace(tire, columns={**tire.columns, **{name: tire.columns[name] * by for name, by in columns.items()}})
 
 
@@ -53,6 +53,20 @@ def test_step_of_the_load_is_told_once_and_is_no_wear():
     rate, now = number(trend, Quantity.WEAR_RATE), number(trend, Quantity.WEAR_NOW)
     assert abs(rate.value - 0.05) < 3.5 * rate.std
     assert abs(now.value - 0.24) < 0.2
+
+
+def test_load_of_the_vehicle_is_told_once():
+    step = np.where(INDEX >= 37, 1.18, 1.0)
+    loaded = {"estimated_load_n": step, "contact_length_m": np.sqrt(step), "Cw": step}
+    wheels = [tire_with(seed, position, **loaded) for seed, position in enumerate(("FL", "FR", "RL", "RR"))]
+    findings = [finding for tire in analyse(wheels, recordings=4 * COUNT).tires for finding in tire.findings]
+    assert [finding["name"] for finding in findings] == ["estimated_load_n"]
+    assert "likewise at FR, RL, RR" in text(findings[0])
+    # A wheel where it changes at another time has a finding of its own.
+    wheels[2] = tire_with(2, "RL")
+    wheels[3] = tire_with(3, "RR", estimated_load_n=np.where(INDEX >= 15, 1.18, 1.0))
+    tires = analyse(wheels, recordings=4 * COUNT).tires
+    assert [len(tire.findings) for tire in tires] == [1, 0, 0, 1]
 
 
 @pytest.mark.parametrize("begin", [22, 33, 41])

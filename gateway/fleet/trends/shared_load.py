@@ -1,0 +1,54 @@
+"""A load that changes at several wheels of a vehicle at one time is one finding, told at the first of them."""
+
+import math
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+from gateway.core.reasons import Reason
+from gateway.fleet.trends.trend_result import TireTrend
+
+_LOAD: Final = "estimated_load_n"
+_SAME_DATE_STDS: Final = 3.5
+# Between two recordings, by which a date without an error may be off.
+_LEAST_STD_S: Final = 86_400.0
+
+
+def with_one_load(tires: Sequence[TireTrend]) -> tuple[TireTrend, ...]:
+    """Return tires where a change of load, at one time and to one side at several wheels of a vehicle, is told once."""
+    findings = [list(tire.findings) for tire in tires]
+    vehicles: dict[str, list[tuple[int, Reason]]] = defaultdict(list)
+    for index, tire in enumerate(tires):
+        vehicles[tire.vehicle] += [(index, finding) for finding in tire.findings if _is_load(finding)]
+    for changes in vehicles.values():
+        while changes:
+            first_index, first = changes.pop(0)
+            same = [
+                (index, finding)
+                for index, finding in changes
+                if tires[index].position != tires[first_index].position and _is_same(first, finding)
+            ]
+            if not same:
+                continue
+            also_at = ", ".join(dict.fromkeys(tires[index].position for index, _ in same))
+            place = findings[first_index].index(first)
+            findings[first_index][place] = Reason(first.code, **dict(first.values), also_at=also_at)
+            for index, finding in same:
+                findings[index].remove(finding)
+                changes.remove((index, finding))
+    return tuple(replace(tire, findings=tuple(left)) for tire, left in zip(tires, findings, strict=True))
+
+
+def _is_load(finding: Reason) -> bool:
+    values = dict(finding.values)
+    return values.get("name") == _LOAD and {"since_s", "change"} <= values.keys()
+
+
+def _is_same(one: Reason, other: Reason) -> bool:
+    (since_s, std_s, change), (other_since_s, other_std_s, other_change) = (
+        [float(str(dict(finding.values).get(name, 0.0))) for name in ("since_s", "since_std_s", "change")]
+        for finding in (one, other)
+    )
+    limit_s = _SAME_DATE_STDS * max(math.hypot(std_s, other_std_s), _LEAST_STD_S)
+    return change * other_change > 0.0 and abs(since_s - other_since_s) <= limit_s
