@@ -36,7 +36,6 @@ TERMS = {
     "camber 0.05 rad/s": HubMotion(camber_radps=0.05),
     "turn 1.1 rad/s2": HubMotion(turn_radps2=1.1),
     "turn at 3 deg camber": HubMotion(turn_radps=0.3, camber_rad=math.radians(3.0)),
-    "turn and camber rate": HubMotion(turn_radps=0.3, camber_radps=0.05),
 }
 SPEEDS_KMH = (30.0, 65.0, 130.0)
 # Turn and camber rate in rad/s.
@@ -71,12 +70,12 @@ def block(title: str, straights: int) -> None:
         for estimate, reference in zip(estimates(*motion, straights), straight, strict=True):
             off = abs(estimate.value - reference.value) > MARKED_ERRORS * estimate.std
             mark = "*" if off and estimate.status is Status.VALID else " "
-            cells.append(f"{math.degrees(estimate.value):7.3f} ± {math.degrees(estimate.std):.3f}{mark}")
+            cells.append(f"{math.degrees(estimate.value):7.3f}±{math.degrees(estimate.std):.3f}{mark}")
         print(f"{title:15s} {name:18s}", "".join(cells))
 
 
 def sizes() -> None:
-    """Print the terms at three speeds; without those of a turn alone where it is one of two."""
+    """Print the terms at three speeds; without those of the turn where it has a camber."""
     angles = np.linspace(0.0, 2.0 * math.pi, 360, endpoint=False)
     print(f"{'m/s2':24s}" + "".join(f"{f'{speed:.0f} km/h: lateral, others':>32s}" for speed in SPEEDS_KMH))
     for name, motion in TERMS.items():
@@ -85,8 +84,7 @@ def sizes() -> None:
             omega = speed_kmh / 3.6 / RADIUS_M
             added = turning_acceleration(angles, omega, RADIUS_M, motion)
             if name != next(iter(TERMS)) and motion.turn_radps:
-                for alone in (HubMotion(turn_radps=motion.turn_radps), HubMotion(camber_radps=motion.camber_radps)):
-                    added -= turning_acceleration(angles, omega, RADIUS_M, alone)
+                added -= turning_acceleration(angles, omega, RADIUS_M, HubMotion(turn_radps=motion.turn_radps))
             circumferential, lateral_mps2, radial_mps2 = np.abs(added).max(axis=0)
             cells.append(f"{lateral_mps2:21.3f} {max(circumferential, radial_mps2):10.3f}")
         print(f"{name:24s}" + "".join(cells))
