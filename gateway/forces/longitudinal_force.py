@@ -70,6 +70,8 @@ _EXTENSION_LOSS_STD: Final = 0.004
 # Force and torque over the load, at a random place of the sensor, by the run-out in m: 0.1 mm makes 1.2 %
 # (docs/explanation/forces.md). It is the same in every revolution.
 _BY_RUN_OUT: Final = 120.0
+# Likewise of rolling resistance and the belt's loss: 0.1 mm makes 0.05 %.
+_LOSS_BY_RUN_OUT: Final = 5.0
 # Largest standard error of a valid force near zero, over the load: driving at steady speed takes 1 to 5 % of it.
 _USEFUL_STD: Final = 0.02
 # Largest error of the load of a balance that is solved: its row is one of those that hold.
@@ -292,7 +294,7 @@ class LongitudinalForceEstimator(RevolutionEstimator):
         tilt = math.hypot(self._recent.solution.tilt_rad, _LEVEL_STD_RAD)
         run_out = _BY_RUN_OUT * conditions.tire.runout_m
         pull, torque = float(forces[Force.LONGITUDINAL]), float(forces[Force.TORQUE])
-        doubts = (*doubts, *_impossible(forces, covariance, tilt))
+        doubts = (*doubts, *_impossible(forces, covariance, tilt, _LOSS_BY_RUN_OUT * conditions.tire.runout_m))
         unbalanced = self._recent.unbalanced
         pull_variance, torque_variance = (
             float(covariance[force, force]) for force in (Force.LONGITUDINAL, Force.TORQUE)
@@ -302,7 +304,7 @@ class LongitudinalForceEstimator(RevolutionEstimator):
         scatter = self._recent.scatter
         pull_scatter, torque_scatter = (_root(scatter[force, force]) for force in (Force.LONGITUDINAL, Force.TORQUE))
         ratio = _signed(NAMES[2], pull, pull_std, pull_scatter, 1.0, doubts, unbalanced)
-        losses = self._losses(doubts)
+        losses = self._losses(doubts, _LOSS_BY_RUN_OUT * conditions.tire.runout_m)
         load = conditions.load_n
         if load is None or not positive(load):
             missing = Reason(RingCode.NEEDS_LOAD)
@@ -333,12 +335,12 @@ class LongitudinalForceEstimator(RevolutionEstimator):
             *losses,
         )
 
-    def _losses(self, doubts: tuple[Reason, ...]) -> tuple[Estimate, Estimate]:
+    def _losses(self, doubts: tuple[Reason, ...], run_out: float) -> tuple[Estimate, Estimate]:
         """Return rolling resistance and the belt's part of it, from the long mean."""
         assert self._tire.solution is not None
         forces, covariance = self._tire.forces, self._tire.covariance
         tilt = math.hypot(self._tire.solution.tilt_rad, _LEVEL_STD_RAD)
-        resistance, std = _resistance(forces, covariance, tilt)
+        resistance, std = _resistance(forces, covariance, tilt, run_out)
         scatter = self._tire.scatter
         rolling = _positive(NAMES[3], resistance, std, _root(float(_RESISTANCE @ scatter @ _RESISTANCE)), doubts)
         undetermined = next((reason for reason in rolling.reasons if reason.code is CoreCode.NOT_DETERMINED), None)
@@ -348,7 +350,7 @@ class LongitudinalForceEstimator(RevolutionEstimator):
             _positive(
                 NAMES[4],
                 float(forces[Force.LOSS]),
-                math.sqrt(float(covariance[Force.LOSS, Force.LOSS])),
+                math.hypot(_root(float(covariance[Force.LOSS, Force.LOSS])), run_out),
                 _root(scatter[Force.LOSS, Force.LOSS]),
                 doubts,
             ),
@@ -374,14 +376,14 @@ def _tilted(
     return result
 
 
-def _resistance(forces: FloatArray, covariance: FloatArray, tilt_rad: float) -> tuple[float, float]:
+def _resistance(forces: FloatArray, covariance: FloatArray, tilt_rad: float, run_out: float) -> tuple[float, float]:
     """Return rolling resistance over the load, and its standard error."""
     extension = _EXTENSION_LOSS_STD * float(forces[Force.LONGITUDINAL])
-    std = math.hypot(_root(float(_RESISTANCE @ covariance @ _RESISTANCE)), tilt_rad, extension)
+    std = math.hypot(_root(float(_RESISTANCE @ covariance @ _RESISTANCE)), tilt_rad, extension, run_out)
     return float(_RESISTANCE @ forces), std
 
 
-def _impossible(forces: FloatArray, covariance: FloatArray, tilt_rad: float) -> tuple[Reason, ...]:
+def _impossible(forces: FloatArray, covariance: FloatArray, tilt_rad: float, run_out: float) -> tuple[Reason, ...]:
     """Return why no rolling tire has these forces; empty where one may.
 
     Force and torque are bounded by friction, and a tire loses energy. What repeats with the wheel and is no force, as
@@ -391,8 +393,8 @@ def _impossible(forces: FloatArray, covariance: FloatArray, tilt_rad: float) -> 
     reasons = []
     if max(abs(pull), abs(torque)) > quantity_of(NAMES[2]).possible[1]:
         reasons.append(Reason(ForceCode.BEYOND_FRICTION, force=pull, torque=torque))
-    loss_std = math.hypot(_root(float(covariance[Force.LOSS, Force.LOSS])), _EXTENSION_LOSS_STD * pull)
-    losses = (_resistance(forces, covariance, tilt_rad), (loss, loss_std))
+    loss_std = math.hypot(_root(float(covariance[Force.LOSS, Force.LOSS])), _EXTENSION_LOSS_STD * pull, run_out)
+    losses = (_resistance(forces, covariance, tilt_rad, run_out), (loss, loss_std))
     value, std = min(losses, key=lambda pair: pair[0] + CONTRADICTION * pair[1])
     if value < -CONTRADICTION * std:
         reasons.append(Reason(ForceCode.TIRE_GIVES_ENERGY, share=-value, std=std))

@@ -23,6 +23,7 @@ from gateway.forces.asymmetric_rows import Force, U, asymmetric_rows, free_begin
 from gateway.forces.asymmetric_solve import AsymmetricSolution, solve_asymmetric
 from gateway.forces.lateral_shape import LATERAL
 from gateway.forces.longitudinal_force import (
+    _LOSS_BY_RUN_OUT,
     HORIZON_REVOLUTIONS,
     NAMES,
     TIRE_HORIZON_REVOLUTIONS,
@@ -204,13 +205,19 @@ def test_usual_run_out_is_in_the_errors() -> None:
     ]
     low, middle, high = rings
     change = (high.sensor.radial_m - low.sensor.radial_m) / (low.axle_height_m - high.axle_height_m)
-    pulls = []
+    pulls, losses = [], 0
     for place_rad in np.arange(8) * (math.pi / 4.0):
         waves_m = RUN_OUT_M * np.cos(middle.theta_rad + place_rad) * change
         result = estimates(middle, conditions=CONDITIONS, waves_m=waves_m)
         for name, true in (("longitudinal_force_n", 0.0), ("axle_torque_nm", middle.axle_torque_nm)):
             assert result[name].status is Status.VALID
             pulls.append((result[name].value - true) / result[name].std)
+        for name in NAMES[3:]:
+            if result[name].status is Status.VALID:
+                assert abs(result[name].value - middle.rolling_resistance) < 2.5 * result[name].std
+                assert result[name].std > 0.9 * _LOSS_BY_RUN_OUT * CONDITIONS.tire.runout_m
+                losses += 1
+    assert losses >= 8
     assert np.abs(pulls).max() < 2.0
     assert 0.4 < np.sqrt(np.square(pulls).mean()) < 1.3
 
