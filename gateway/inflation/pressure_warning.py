@@ -60,10 +60,10 @@ class _WatchedTire:
     low: Reason | None = None
     not_monitored: Reason | None = None
 
-    def take(self, wheel: WheelSnapshot, at_s: float, *, is_current: bool) -> None:
+    def take(self, wheel: WheelSnapshot, at_s: float, *, is_current: bool, is_driving: bool) -> None:
         elapsed_s = 0.0 if self.last_s is None else at_s - self.last_s
         self.last_s = at_s
-        if wheel.state is WheelState.ROLLING and 0.0 < elapsed_s < _STANDING_S:
+        if is_driving and 0.0 < elapsed_s < _STANDING_S:
             self.driven_s += elapsed_s
         pressure_pa = wheel.pressure_pa if is_current and "pressure_pa" not in wheel.stated else None
         is_frozen = any(flag.name == PRESSURE_FROZEN for flag in wheel.flags)
@@ -137,12 +137,21 @@ class PressureWarning:
             position: _WatchedTire(placard, 2.0 * std_pa or _GAUGE_PA)
             for position, (placard, std_pa) in placards.items()
         }
+        self._rolling_at_s = -math.inf
 
     def take(self, wheel: WheelSnapshot, at_s: float, *, is_current: bool) -> None:
-        """Take the state of a wheel at a time; one without a placard is not watched."""
+        """Take the state of a wheel at a time; one without a placard is not watched.
+
+        A wheel that sends nothing drives while another one rolls.
+        """
+        is_driving = wheel.state is WheelState.ROLLING
+        if is_driving:
+            self._rolling_at_s = at_s
+        elif wheel.state in (WheelState.NO_DATA, WheelState.SILENT):
+            is_driving = at_s - self._rolling_at_s < _STANDING_S
         tire = self._tires.get(wheel.position)
         if tire is not None:
-            tire.take(wheel, at_s, is_current=is_current)
+            tire.take(wheel, at_s, is_current=is_current, is_driving=is_driving)
 
     def alarms(self) -> Iterator[Alarm]:
         """Yield the present alarms."""

@@ -1,6 +1,7 @@
 """The warning comes within the times of UN R141, tells fast from slow, and does not take cold for a loss."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import pytest
 
@@ -130,6 +131,17 @@ def test_pressure_that_does_not_come_is_named_within_ten_minutes_of_driving():
     frozen = SensorFlag(PRESSURE_FROZEN, Reason(TrustCode.PRESSURE_FROZEN, temperature_change_k=9.0, error_pa=9e3))
     ((_, alarm),) = watch(Placard(250e3), [wheel(250e3, 60.0, flags=(frozen,))])
     assert alarm.reason["cause"] == "frozen"
+
+
+@pytest.mark.parametrize("state", [WheelState.NO_DATA, WheelState.SILENT])
+@pytest.mark.parametrize(("is_rolling", "expected"), [(True, [NOT_MONITORED]), (False, [])])
+def test_a_wheel_that_sends_nothing_is_not_monitored_while_another_rolls(state, is_rolling, expected):
+    warning = PressureWarning({"FL": (Placard(250e3), 0.0)})
+    for second in range(400):
+        other = replace(wheel(250e3, 20.0, rolling=is_rolling), position="FR")
+        warning.take(other, float(second), is_current=True)
+        warning.take(WheelSnapshot("FL", state=state), float(second), is_current=False)
+    assert [alarm.name for alarm in warning.alarms()] == expected
 
 
 def test_unknown_temperature_compares_with_the_cold_pressure_and_says_so():
