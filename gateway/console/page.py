@@ -64,6 +64,7 @@ def compose(
         live: the present state while the view is paused: clock, recording, alarms and notices never freeze.
     """
     live = live or snapshot
+    view.plots.elapsed_s = snapshot.elapsed_s
     alarm_rows = 2 if height < 30 else 4
     link_rows = 2 if height < 30 else 4
     notice_rows = 1 if height < 30 else 3 if height < 50 else 6

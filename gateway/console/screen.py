@@ -159,7 +159,7 @@ class ConsoleApp(App[None]):
             return
         self._live = self._session.snapshot()
         for result in self._session.results():
-            self.view.plots.history.add(result)
+            self.view.plots.take(result, self._live.elapsed_s)
         self._leaving = self._live.ended or self._time_is_up()
         if self._leaving:
             # The screen ends with the last state, even when the view was paused.

@@ -16,17 +16,17 @@ _GAP_S: Final = 3.0  # longer than between two revolutions of a wheel that is fa
 _AXIS_ROWS: Final = 2
 
 
-def draw_trend(points: Sequence[TrendPoint], unit: str, width: int, height: int) -> tuple[PlotRow, ...]:
+def draw_trend(points: Sequence[TrendPoint], unit: str, width: int, height: int, now_s: int) -> tuple[PlotRow, ...]:
     """Draw the values as a solid line over one standard error to each side as dots, the present at the right.
 
     Returns:
         `height` rows of `width` cells; none without a value, or when the area is too small.
     """
-    if width < MIN_WIDTH or height < MIN_HEIGHT or not points:
+    begin_s = now_s - SHOWN_S
+    visible = [point for point in points if point.at_s >= begin_s]
+    if width < MIN_WIDTH or height < MIN_HEIGHT or not visible:
         return ()
     plot_width, plot_rows = width - GUTTER, height - _AXIS_ROWS
-    begin_s = points[-1].at_s - SHOWN_S
-    visible = [point for point in points if point.at_s >= begin_s]
     largest = max(abs(point.value) for point in visible)
     exponent = round_to_error(largest).exponent
     times_s, value, std = (
@@ -55,6 +55,7 @@ def _interpolated(columns_s: FloatArray, times_s: FloatArray, values: FloatArray
     index = np.searchsorted(times_s, columns_s)
     before_s = times_s[np.maximum(index - 1, 0)]
     after_s = times_s[np.minimum(index, len(times_s) - 1)]
-    is_known = (columns_s >= times_s[0] - 0.5) & (after_s - before_s <= _GAP_S)
+    is_within = (columns_s >= times_s[0] - 0.5) & (columns_s <= times_s[-1] + 0.5)
+    is_known = is_within & (after_s - before_s <= _GAP_S)
     result: FloatArray = np.where(is_known, np.interp(columns_s, times_s, values), np.nan)
     return result

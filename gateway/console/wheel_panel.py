@@ -47,7 +47,7 @@ _WAITING: Final = {
 }
 
 
-_Shape = tuple[int, int, Zoom, TrendQuantity | None, ShownUnits]
+_Shape = tuple[int, int, Zoom, TrendQuantity | None, ShownUnits, int]
 
 
 @dataclass(slots=True)
@@ -57,17 +57,26 @@ class Plots:
     Attributes:
         history: of the trends.
         trend: the quantity whose trend is shown, None for the waveforms.
+        elapsed_s: of the session that is shown.
     """
 
     history: TrendHistory = field(default_factory=TrendHistory)
     trend: TrendQuantity | None = None
+    elapsed_s: float = 0.0
+    _begin_s: float = 0.0
     _drawn: dict[str, tuple[RevolutionResult, FloatArray | None, _Shape, list[Row]]] = field(default_factory=dict)
+
+    def take(self, result: RevolutionResult, elapsed_s: float) -> None:
+        """Add a revolution to the trends; from its time on, the present goes on with the session."""
+        self.history.add(result)
+        self._begin_s = result.host_ns * 1e-9 - elapsed_s
 
     def rows(self, wheel: WheelSnapshot, width_cells: int, height: int, zoom: Zoom) -> list[Row]:
         """Return the wheel's waveform or trend, empty before its first revolution and in silence."""
         if wheel.last is None or wheel.silence is not None:
             return []
-        shape = (width_cells, height, zoom, self.trend, shown_units())
+        now_s = int(self._begin_s + self.elapsed_s) if self.trend is not None else 0
+        shape = (width_cells, height, zoom, self.trend, shown_units(), now_s)
         drawn = self._drawn.get(wheel.position)
         if drawn and drawn[0] is wheel.last and drawn[1] is wheel.average_mps2 and drawn[2] == shape:
             return drawn[3]
@@ -83,7 +92,7 @@ class Plots:
             )
         else:
             points = self.history.points(wheel.position, self.trend.name)
-            plot = draw_trend(points, unit_symbol(self.trend.name), width_cells, height)
+            plot = draw_trend(points, unit_symbol(self.trend.name), width_cells, height, now_s)
         rows = [plot_row(row) for row in plot]
         self._drawn[wheel.position] = (wheel.last, wheel.average_mps2, shape, rows)
         return rows

@@ -77,6 +77,8 @@ class CanSink(Sink):
         self._bus: can.BusABC | None = None
         self._alarms: dict[str, frozenset[str]] = {}
         self._wheels: frozenset[str] = frozenset()
+        # Wheels whose pressure and temperature are old by the last state.
+        self._old: frozenset[str] = frozenset()
 
     def open(self, stop: threading.Event) -> None:
         """Open the bus."""
@@ -139,11 +141,9 @@ class CanSink(Sink):
         estimates = {estimate.name: estimate for estimate in result.estimates}
         position, conditions = result.position, result.conditions
         self._wheels |= {position}
-        physical_values = {
-            "Pressure": conditions.pressure_pa,
-            "Temperature": conditions.temperature_degc,
-            "Load": conditions.load_n,
-        }
+        physical_values = {"Load": conditions.load_n}
+        if position not in self._old:
+            physical_values |= {"Pressure": conditions.pressure_pa, "Temperature": conditions.temperature_degc}
         values: dict[str, float] = {
             "Revolution": result.revolution.index % 65536,
             "State": STATE_NUMBERS[WheelState.ROLLING],
@@ -155,6 +155,7 @@ class CanSink(Sink):
 
     def _state(self, snapshot: SessionSnapshot) -> Iterator[Frame | None]:
         self._wheels = frozenset(wheel.position for wheel in snapshot.wheels)
+        self._old = frozenset(wheel.position for wheel in snapshot.wheels if not wheel.has_current_environment)
         for wheel in snapshot.wheels:
             self._alarms[wheel.position] = frozenset(
                 alarm.name for alarm in snapshot.alarms if alarm.position == wheel.position
@@ -178,7 +179,7 @@ class CanSink(Sink):
         yield self._encoder.wheel(
             wheel.position, MOTION, {"Revolution": revolution, "State": STATE_NUMBERS[wheel.state]}
         )
-        values = {"Load": wheel.load_n if wheel.silence is None else None}
+        values = {"Load": wheel.load_n if wheel.silence is None and "load_n" in wheel.stated else None}
         if wheel.has_current_environment:
             values |= {"Pressure": wheel.pressure_pa, "Temperature": wheel.temperature_degc}
         yield self._encoder.wheel(wheel.position, CONDITIONS, _known_signals(values))

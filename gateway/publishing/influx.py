@@ -1,7 +1,8 @@
 """Live output as InfluxDB line protocol, to a file or to a server by HTTP (API of version 2 and 3).
 
 A point is a revolution, a change of an alarm, or a state of a wheel, a link or the session. What the server has not
-confirmed is sent again; a point of the same time and tags replaces the one before, so that repetition is harmless.
+confirmed is sent again, unless it refused the content; a point of the same time and tags replaces the one before, so
+that repetition is harmless.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 from urllib.parse import unquote, urlsplit
@@ -20,10 +22,12 @@ from influxdb_client.rest import ApiException
 
 from gateway.publishing.payloads import messages
 from gateway.publishing.sink import (
+    REFUSED_FOR_GOOD,
     Item,
     PublishedAlarm,
     PublishedRevolution,
     PublishedState,
+    Refusals,
     Sink,
     SinkAddress,
     SinkDownError,
@@ -147,6 +151,7 @@ class InfluxServer(Sink):
         # Revolutions and alarms whose lines wait.
         self._waiting = 0
         self._item: Item | None = None
+        self._refusals = Refusals()
 
     def open(self, stop: threading.Event) -> None:
         """Prepare the connection; a server that is away is noticed by what waits for it."""
@@ -155,6 +160,7 @@ class InfluxServer(Sink):
 
     def send(self, item: Item, stop: threading.Event) -> None:
         """Take the lines of an item, and send them when a second is over or enough wait."""
+        self._refusals.check()
         if item is not self._item:
             self._lines += lines(item)
             self._waiting += isinstance(item, PublishedRevolution | PublishedAlarm)
@@ -163,13 +169,17 @@ class InfluxServer(Sink):
             self._write()
         self._item = None
 
+    def poll(self) -> None:
+        """Say what the server has refused."""
+        self._refusals.check()
+
     def flush(self, stop: threading.Event) -> int:
         """Send what waits, and return how many revolutions and alarms the server has not confirmed."""
-        try:
+        with suppress(SinkDownError):
             self._write()
-        except SinkDownError:
-            return self._waiting
-        return 0
+        if not stop.is_set():
+            self._refusals.check()
+        return self._waiting + self._refusals.count
 
     def close(self) -> None:
         """Close the connection; what waits is kept."""
@@ -186,7 +196,10 @@ class InfluxServer(Sink):
             api = self._client.write_api(write_options=SYNCHRONOUS)
             api.write(self._bucket, self._org, "\n".join(self._lines))
         except ApiException as error:
-            raise SinkDownError(f"the server refuses: {error.status} {error.reason}{_remedy(error.status)}") from error
+            cause = f"{error.status} {error.reason}{_remedy(error.status)}"
+            if error.status not in REFUSED_FOR_GOOD:
+                raise SinkDownError(f"the server refuses: {cause}") from error
+            self._refusals.add(cause, self._waiting)
         except (urllib3.exceptions.HTTPError, OSError) as error:
             raise SinkDownError("the server does not answer") from error
         self._lines.clear()

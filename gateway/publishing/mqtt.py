@@ -35,10 +35,10 @@ from gateway.publishing.sink import (
     PublishedAlarm,
     PublishedRevolution,
     PublishedState,
+    Refusals,
     SinkAddress,
     SinkDownError,
     SinkError,
-    SinkRefusedError,
     SinkSetting,
     host_and_port,
 )
@@ -194,8 +194,7 @@ class MqttSink:
         # Messages that the broker has not confirmed yet, by their number, in the order in which they were sent.
         self._window: dict[int, _Unconfirmed] = {}
         # Counted messages that the broker took from the client and refused, and why.
-        self._refused = 0
-        self._refused_for = ""
+        self._refusals = Refusals()
         self._refusal = ""
         self._has_connected = False
         self._has_ended = False
@@ -250,7 +249,7 @@ class MqttSink:
 
     def send(self, item: Item, stop: threading.Event) -> None:
         """Publish an item and wait for room in the window."""
-        self._check_refusals()
+        self._refusals.check()
         if isinstance(item, PublishedRevolution):
             position = quote(item.result.position, safe="")
             topic = f"{self._prefix}/wheel/{position}/revolution"
@@ -268,7 +267,7 @@ class MqttSink:
     def poll(self) -> None:
         """Read confirmations and send keep-alive messages."""
         self._loop(0.0)
-        self._check_refusals()
+        self._refusals.check()
 
     def flush(self, stop: threading.Event) -> int:
         """Wait for the confirmations, with `offline` as the last message; return how many are missing.
@@ -283,8 +282,8 @@ class MqttSink:
         while self._window and not stop.is_set():
             self._loop(_WAIT_S)
         if not stop.is_set():
-            self._check_refusals()
-        return sum(sent.is_counted for sent in self._window.values()) + self._refused
+            self._refusals.check()
+        return sum(sent.is_counted for sent in self._window.values()) + self._refusals.count
 
     def close(self) -> None:
         """Disconnect; what is not confirmed is sent again after `open`."""
@@ -381,11 +380,6 @@ class MqttSink:
             self._is_called_offline = False
             self._hand_over(f"{self._prefix}/status", _ONLINE, retain=True)
 
-    def _check_refusals(self) -> None:
-        if self._refused:
-            count, self._refused = self._refused, 0
-            raise SinkRefusedError(self._refused_for, count)
-
     def _connected(self, client: paho.Client, data: Any, flags: Any, reason: ReasonCode, properties: Any) -> None:
         if reason.is_failure:
             self._refusal = f"the broker refuses: {str(reason).lower()}"
@@ -397,8 +391,7 @@ class MqttSink:
     def _confirmed(self, client: paho.Client, data: Any, number: int, reason: ReasonCode, properties: Any) -> None:
         sent = self._window.pop(number, None)
         if sent is not None and sent.is_counted and reason.is_failure:
-            self._refused += 1
-            self._refused_for = str(reason).lower()
+            self._refusals.add(str(reason).lower(), 1)
 
     def _received(self, client: paho.Client, data: Any, message: paho.MQTTMessage) -> None:
         if message.topic == f"{self._prefix}/status":

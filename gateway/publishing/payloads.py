@@ -21,6 +21,8 @@ _PRESENT: Final = frozenset({
     "rate_hz", "pressure_pa", "temperature_degc", "silent_s", "environment_silent_s", "latency_s", "battery_percent",
     "rssi_dbm", "supply_w",
 })  # fmt: skip
+# Ends of the names of speeds, and what is one over speeds.
+_OF_MOTION: Final = ("_mps", "_radps", "_rpm", "curve_radius_m")
 _AT_END: Final[Mapping[str, JsonObject]] = {
     "wheel": {"state": str(WheelState.ENDED), "alarms": []},
     "link": {"connected": False, "alarms": []},
@@ -74,12 +76,12 @@ def wheel(item: PublishedState, snapshot: WheelSnapshot) -> JsonObject:
     """Return the state of a wheel: what is silent has an age in place of its numbers."""
     silence, old = snapshot.silence, snapshot.old_environment
     counters = snapshot.counters
-    is_current = snapshot.has_current_environment
+    has_environment = snapshot.has_current_environment
     numbers = {
         "rate_hz": (snapshot.rate_hz or None) if silence is None else None,
         **{name: _last_value(snapshot, name) for name in in_state()},
-        "pressure_pa": snapshot.pressure_pa if is_current else None,
-        "temperature_degc": snapshot.temperature_degc if is_current else None,
+        "pressure_pa": snapshot.pressure_pa if has_environment else None,
+        "temperature_degc": snapshot.temperature_degc if has_environment else None,
         "load_n": snapshot.load_n if silence is None else None,
         "silent_s": silence.age_s if silence is not None else None,
         "environment_silent_s": old.age_s if old is not None else None,
@@ -169,7 +171,13 @@ def _output(snapshot: SessionSnapshot, index: int) -> JsonObject:
     return {"output": sink.sink, "state": str(sink.state), "published": sink.published, "dropped": sink.dropped}
 
 
+def is_current(snapshot: WheelSnapshot, name: str) -> bool:
+    """Return whether an estimate of the last revolution may stand for now: a wheel that stands has no speed."""
+    is_of_now = snapshot.state is WheelState.ROLLING or not name.endswith(_OF_MOTION)
+    return snapshot.silence is None and is_of_now
+
+
 def _last_value(snapshot: WheelSnapshot, name: str) -> float | None:
-    """Return the value of an estimate of the last revolution unless it is invalid or the wheel silent."""
-    estimate = snapshot.estimate(name) if snapshot.silence is None else None
+    """Return the value of an estimate of the last revolution unless it is invalid or not of now."""
+    estimate = snapshot.estimate(name) if is_current(snapshot, name) else None
     return estimate.value if estimate is not None else None

@@ -16,7 +16,7 @@ from prometheus_client.registry import Collector
 from gateway.core.estimates.estimator import Status
 from gateway.core.estimates.results import WheelSnapshot
 from gateway.publishing.admission import HEAD_S, Admission
-from gateway.publishing.payloads import JsonObject, messages
+from gateway.publishing.payloads import JsonObject, is_current, messages
 from gateway.publishing.sink import (
     Item,
     PublishedState,
@@ -162,16 +162,14 @@ def _add_numbers(metrics: dict[str, Any], message: JsonObject) -> None:
 
 
 def _estimates(wheels: Iterable[WheelSnapshot]) -> Iterator[Metric]:
-    """Yield value and standard error of the last revolution's estimates; those that are invalid are left out."""
+    """Yield value and standard error of the last revolution's estimates, without the invalid and those not of now."""
     labels = ("wheel", "name")
     value = GaugeMetricFamily("treadlink_estimate", "estimate of the last revolution, unit in its name", labels=labels)
     error = GaugeMetricFamily("treadlink_estimate_std", "standard error of an estimate", labels=labels)
     valid = GaugeMetricFamily("treadlink_estimate_valid", "1 for valid, 0 for provisional", labels=labels)
     for wheel in wheels:
-        if wheel.last is None or wheel.silence is not None:
-            continue
-        for estimate in wheel.last.estimates:
-            if estimate.status is Status.INVALID:
+        for estimate in wheel.last.estimates if wheel.last is not None else ():
+            if estimate.status is Status.INVALID or not is_current(wheel, estimate.name):
                 continue
             key = (wheel.position, estimate.name)
             value.add_metric(key, estimate.value)

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
+from urllib.parse import urlsplit
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from gateway.publishing.sink import (
     PublishedAlarm,
     PublishedRevolution,
     PublishedState,
+    SinkAddress,
     SinkError,
     SinkSetting,
     kind_of,
@@ -117,7 +119,11 @@ def files_of(uris: Sequence[str]) -> list[Path]:
     Raises:
         SinkError: a URI is wrong.
     """
-    return [Path(address.target) for address in map(parse_sink_uri, uris) if address.scheme == "jsonl"]
+
+    def is_file(address: SinkAddress) -> bool:
+        return address.scheme == "jsonl" or (address.scheme == "influx" and not urlsplit(address.uri).netloc)
+
+    return [Path(address.target) for address in filter(is_file, map(parse_sink_uri, uris))]
 
 
 def open_outputs(

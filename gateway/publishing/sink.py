@@ -46,6 +46,30 @@ class SinkRefusedError(Exception):
         self.count = count
 
 
+REFUSED_FOR_GOOD: Final = frozenset({400, 413, 422})
+"""Status of HTTP that answers a content: the same content will be refused again."""
+
+
+class Refusals:
+    """What a receiver has refused since it was last said."""
+
+    count, _cause = 0, ""
+
+    def add(self, cause: str, count: int) -> None:
+        """Note a refusal of so many revolutions and alarms."""
+        self.count, self._cause = self.count + count, cause
+
+    def check(self) -> None:
+        """Say a refusal, once.
+
+        Raises:
+            SinkRefusedError: there is one.
+        """
+        count, cause, self.count, self._cause = self.count, self._cause, 0, ""
+        if cause:
+            raise SinkRefusedError(cause, count)
+
+
 class SinkEndedError(Exception):
     """A receiver has left for good, such as the reader of a pipe."""
 

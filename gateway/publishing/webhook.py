@@ -1,4 +1,4 @@
-"""Live output of alarms as HTTP requests: each change of an alarm is posted as JSON until the server has taken it."""
+"""Live output of alarms as HTTP requests: each change of an alarm is posted as JSON until the server has judged it."""
 
 from __future__ import annotations
 
@@ -7,16 +7,27 @@ import os
 import threading
 from typing import Final
 from urllib.error import HTTPError, URLError
-from urllib.parse import urlsplit
+from urllib.parse import quote, urlsplit
 from urllib.request import HTTPRedirectHandler, Request, build_opener
 
 from gateway import __version__
 from gateway.publishing.payloads import alarm, encoded
-from gateway.publishing.sink import Item, PublishedAlarm, Sink, SinkAddress, SinkDownError, SinkError, SinkSetting
+from gateway.publishing.sink import (
+    REFUSED_FOR_GOOD,
+    Item,
+    PublishedAlarm,
+    Refusals,
+    Sink,
+    SinkAddress,
+    SinkDownError,
+    SinkError,
+    SinkSetting,
+)
 
 TOKEN: Final = "TREADLINK_WEBHOOK_TOKEN"
 """Environment variable with a token, sent as `Authorization: Bearer`."""
 _TIMEOUT_S: Final = 5.0
+_UNQUOTED: Final = "/?%:@!$&'()*+,;="
 
 
 def open_webhook(address: SinkAddress, setting: SinkSetting) -> Webhook:
@@ -34,7 +45,9 @@ def open_webhook(address: SinkAddress, setting: SinkSetting) -> Webhook:
             f"'{address.name}' has a user name or password in its address, where others can read it",
             f"Set the environment variable {TOKEN}.",
         )
-    return Webhook(url, os.environ.get(TOKEN, ""))
+    # HTTP takes neither spaces nor letters beyond ASCII; what is quoted stays so.
+    path, query = (quote(part, safe=_UNQUOTED) for part in (parts.path, parts.query))
+    return Webhook(parts._replace(path=path, query=query).geturl(), os.environ.get(TOKEN, ""))
 
 
 class Webhook(Sink):
@@ -50,6 +63,7 @@ class Webhook(Sink):
         self._opener = build_opener(_NoRedirect)
         self._item: PublishedAlarm | None = None
         self._is_posted = False
+        self._refusals = Refusals()
 
     def open(self, stop: threading.Event) -> None:
         """Post the alarm that was refused: without one, a server that is away is noticed by the next alarm."""
@@ -61,8 +75,9 @@ class Webhook(Sink):
         """Post an alarm that was raised, acknowledged or is over, and wait for the answer.
 
         Raises:
-            SinkDownError: the server does not answer, or refuses.
+            SinkDownError: the server does not answer, or takes no alarm.
         """
+        self._refusals.check()
         if not isinstance(item, PublishedAlarm):
             return
         if item is not self._item:
@@ -70,6 +85,16 @@ class Webhook(Sink):
         if not self._is_posted:
             self._post(item, stop)
         self._item = None
+
+    def poll(self) -> None:
+        """Say which alarms the server has refused."""
+        self._refusals.check()
+
+    def flush(self, stop: threading.Event) -> int:
+        """Return, with `stop` set, how many refused alarms are not said yet."""
+        if not stop.is_set():
+            self._refusals.check()
+        return self._refusals.count
 
     def _post(self, item: PublishedAlarm, stop: threading.Event) -> None:
         if stop.is_set():
@@ -80,6 +105,9 @@ class Webhook(Sink):
                 return
         except HTTPError as error:
             error.close()
+            if error.code in REFUSED_FOR_GOOD:
+                self._refusals.add(f"{error.code} {error.reason}", 1)
+                return
             remedy = f"; set {TOKEN}" if error.code in (401, 403) else ""
             raise SinkDownError(f"the server refuses: {error.code} {error.reason}{remedy}") from error
         except (URLError, http.client.HTTPException, OSError) as error:

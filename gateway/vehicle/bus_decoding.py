@@ -30,6 +30,7 @@ _MANY_MESSAGES: Final = 2000
 _LISTED: Final = 12
 # SAE J1939-21: bits 8 to 25 are the parameter group, below is the source address, above the priority.
 _J1939_GROUP: Final = 0x03FFFF00
+_SOURCE_ADDRESS: Final = 0xFF
 _WHOLE_ID: Final = 0x1FFFFFFF
 # DBC files of different makers write one unit as km/h, Km/h and KM/H.
 _UNITS_ANY_CASE: Final = {name.lower(): unit for name, unit in UNITS.items()}
@@ -102,7 +103,7 @@ class BusDecoder:
         self._notices: list[tuple[str, Reason]] = []
         database = _database(dbc_text, origin, {setup.message for setup in setups})
         self._extended_mask = _J1939_GROUP if is_j1939 else _WHOLE_ID
-        self._messages: dict[tuple[int, bool], tuple[Any, list[_Mapped]]] = {}
+        self._messages: dict[tuple[int, bool], dict[int, tuple[Any, list[_Mapped]]]] = {}
         signals: list[VehicleSignal] = []
         faults: list[str] = []
         for setup in setups:
@@ -118,7 +119,7 @@ class BusDecoder:
     def values(self, item: BusFrames) -> Iterator[SignalValue]:
         """Yield the values in a block of frames."""
         for frame in unpack(item.data, item.host_ns):
-            mapped = self._messages.get(self._key(frame.can_id, frame.is_extended))
+            mapped = self._mapped(frame)
             if mapped is None or frame.is_error or frame.is_remote:
                 continue
             message, signals = mapped
@@ -156,6 +157,12 @@ class BusDecoder:
             self._notices.append((link, reason))
         return False
 
+    def _mapped(self, frame: BusFrame) -> tuple[Any, list[_Mapped]] | None:
+        """Return message and signals of a frame; the source address matters where messages share a parameter group."""
+        of_source = self._messages.get(self._key(frame.can_id, frame.is_extended), {})
+        alone = next(iter(of_source.values())) if len(of_source) == 1 else None
+        return alone or of_source.get(frame.can_id & _SOURCE_ADDRESS)
+
     def _key(self, can_id: int, is_extended: bool) -> tuple[int, bool]:
         return can_id & self._extended_mask if is_extended else can_id, is_extended
 
@@ -184,7 +191,8 @@ class BusDecoder:
             signal_name(setup, unit.suffix), setup.quantity, unit.suffix, setup.wheel, setup.relative_std, max_age_s
         )
         key = self._key(message.frame_id, message.is_extended_frame)
-        signals = self._messages.setdefault(key, (message, []))[1]
+        of_source = self._messages.setdefault(key, {})
+        signals = of_source.setdefault(message.frame_id & _SOURCE_ADDRESS, (message, []))[1]
         low, high = _range(signal, setup)
         signals.append(
             _Mapped(signal, vehicle_signal.key, unit.factor * setup.factor, _no_values(signal, unit.suffix), low, high)

@@ -20,8 +20,7 @@ _SPEED_STD: Final = 0.01
 _YAW_ZERO_RADPS: Final = 0.005
 # Least time over which a course changes: the error of its rate is that of a receiver that sends once a second.
 _COURSE_SPAN_NS: Final = 900_000_000
-# A longitude that changes by more has passed 180 degrees, between which there is nothing to interpolate.
-_HALF_TURN_DEG: Final = 180.0
+_TURN_DEG, _TURN_RAD = 360.0, 2.0 * math.pi
 
 
 class Quantity(StrEnum):
@@ -229,6 +228,7 @@ class Reading(NamedTuple):
         value: in SI, a position in degrees.
         age_s: time since the last value before it.
         nearest_s: time to the nearest value that it rests on.
+        held_s: time for which a value was kept as it was; 0 between two values.
         slope_per_s: change of the value per second between the two latest values that it rests on, of a course over
             about a second, by the shorter way round; NaN with only one.
     """
@@ -236,6 +236,7 @@ class Reading(NamedTuple):
     value: float
     age_s: float
     nearest_s: float
+    held_s: float
     slope_per_s: float
 
 
@@ -281,14 +282,13 @@ class SignalHistory:
         if after < len(times_ns) and times_ns[after] <= known_ns and times_ns[after] - before_ns <= max_age_ns:
             interval_ns, change = times_ns[after] - before_ns, self._change(key, values[after] - value)
             nearest_s = min(age_ns, times_ns[after] - at_ns) * 1e-9
-            if abs(change) < _HALF_TURN_DEG or key not in self._positions:
-                value += age_ns / interval_ns * change
-            return Reading(value, age_ns * 1e-9, nearest_s, self._slope_per_s(key, after))
-        slope_per_s = self._slope_per_s(key, after - 1)
+            value = self._turned(key, value + age_ns / interval_ns * change)
+            return Reading(value, age_ns * 1e-9, nearest_s, 0.0, self._slope_per_s(key, after))
+        slope_per_s, age_s = self._slope_per_s(key, after - 1), age_ns * 1e-9
         # A vehicle goes on: within a second it may be 50 m further.
-        if key in self._positions and abs(slope_per_s) < _HALF_TURN_DEG:
-            value += slope_per_s * age_ns * 1e-9
-        return Reading(value, age_ns * 1e-9, age_ns * 1e-9, slope_per_s)
+        if key in self._positions and math.isfinite(slope_per_s):
+            value = self._turned(key, value + slope_per_s * age_s)
+        return Reading(value, age_s, age_s, age_s, slope_per_s)
 
     def _slope_per_s(self, key: str, last: int) -> float:
         times_ns, values = self._times_ns[key], self._values[key]
@@ -300,7 +300,16 @@ class SignalHistory:
         return self._change(key, values[last] - values[first]) / interval_ns * 1e9
 
     def _change(self, key: str, change: float) -> float:
-        return math.remainder(change, 2.0 * math.pi) if key in self._courses else change
+        """Return a change by the shorter way round: after 180 degrees a longitude goes on from -180."""
+        if key in self._positions:
+            return math.remainder(change, _TURN_DEG)
+        return math.remainder(change, _TURN_RAD) if key in self._courses else change
+
+    def _turned(self, key: str, value: float) -> float:
+        """Return a longitude between -180 and 180 degrees, a course between 0 and a turn."""
+        if key in self._positions:
+            return math.remainder(value, _TURN_DEG)
+        return value % _TURN_RAD if key in self._courses else value
 
     def has_begun(self, key: str, at_ns: int) -> bool:
         """Return whether a value was received by then."""

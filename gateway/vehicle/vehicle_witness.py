@@ -41,6 +41,8 @@ _LEAST_RADPS: Final = 3.0
 _LEAST_COURSE_MPS: Final = 3.0
 # A receiver filters its speed and sends it up to this much later: a speed that changes is not that of the revolution.
 _RECEIVER_DELAY_S: Final = 0.3
+# Standard error of a speed taken as constant, per second: drivers rarely exceed 3.5 m/s^2, over the square root of 3.
+_USUAL_MPS2: Final = 2.0
 # A signal whose values all lie farther than this from the revolutions is not late, but of another date.
 _OUTSIDE_NS: Final = 600_000_000_000
 _MISSED_CONTACTS: Final = (2.0, 3.0)
@@ -95,7 +97,13 @@ class VehicleJoin:
                 missing = self._missing(signal.key, at_ns)
                 added += [Estimate.invalid(signal.name, missing), Estimate.invalid(age_name, missing)]
                 continue
-            added.append(Estimate(signal.name, reading.value, signal.std(reading.value), Status.VALID))
+            std = signal.std(reading.value)
+            if signal.quantity is Quantity.GROUND_SPEED:
+                # It comes late, and is kept until the next one.
+                slope_mps2 = reading.slope_per_s if math.isfinite(reading.slope_per_s) else 0.0
+                late_mps = slope_mps2 * (_RECEIVER_DELAY_S + reading.held_s)
+                std = math.hypot(std, late_mps, _USUAL_MPS2 * reading.held_s)
+            added.append(Estimate(signal.name, reading.value, std, Status.VALID))
             added.append(Estimate(age_name, reading.age_s, 0.0, Status.VALID))
             if signal.quantity is Quantity.COURSE:
                 added += _course_rate(reading, result)
@@ -155,10 +163,10 @@ class VehicleJoin:
         """Yield what the car's speeds contradict: the rate by its rotation, the radius by its speed."""
         conditions = result.conditions
         rate_std, radius_std = conditions.claims.rate_std, conditions.radius_std_m / conditions.radius_m
-        rate_holds = False
+        # None where no speed of rotation comes: a sensor that is dead is no witness.
+        rate_holds: bool | None = None
         linear: list[tuple[VehicleSignal, _Ratio]] = []
-        witnesses = [signal for signal in self.history.of_wheel(result.position) if signal.is_witness]
-        for signal in witnesses:
+        for signal in self.history.of_wheel(result.position):
             ratio = _mean_ratio(wheel.ratios.get(signal.key), signal)
             if ratio is None:
                 continue
@@ -169,12 +177,12 @@ class VehicleJoin:
             rate_holds = abs(ratio.value - 1.0) <= _CONTRADICTION * error
             if not rate_holds:
                 yield _rotation(ratio, error, result.revolution.rate_hz)
-        if any(signal.suffix != "mps" for signal in witnesses) and not rate_holds:
+        if rate_holds is False:
             return  # without the rate, the speed says nothing of the radius
         for _, ratio in linear:
             error = math.hypot(ratio.std * ratio.value, rate_std, radius_std)
             if abs(ratio.value - 1.0) > _CONTRADICTION * error:
-                yield _speed(ratio, error, result, rate_holds=rate_holds)
+                yield _speed(ratio, error, result, rate_holds=bool(rate_holds))
                 return
 
 

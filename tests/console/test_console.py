@@ -122,6 +122,9 @@ async def test_trend_of_any_quantity_in_place_of_the_waveform(session, made):
         assert has(rows, "-3 min")
         assert not has(rows, "┴")  # no axis of angles
         assert has(rows, "100┤")
+        session.change(elapsed_s=83.2 + 60.0)
+        (line,), (older,) = ([row for row in shown if "100┤" in row] for shown in (rows, await drawn(app, pilot)))
+        assert older != line, "the last value gets older"
         await pilot.press("full_stop")
         assert has(await drawn(app, pilot), "contact begins at, deg")
         await pilot.press("comma", "comma")

@@ -13,9 +13,9 @@ from gateway.core.reasons import Reason
 from gateway.ring.reasons import RingCode
 
 
-def drawn(values, unit="km/h", std=math.nan, width=67, height=12):
+def drawn(values, unit="km/h", std=math.nan, width=67, height=12, later_s=0):
     points = [TrendPoint(at_s, value, std, Status.VALID) for at_s, value in values]
-    return draw_trend(points, unit, width, height)
+    return draw_trend(points, unit, width, height, (values[-1][0] if values else 0) + later_s)
 
 
 def texts(rows):
@@ -41,6 +41,15 @@ def test_gap_is_not_drawn_through_and_old_values_leave() -> None:
     assert line[:20].strip()
     assert not line[22:38].strip()
     assert line[42:].strip()
+
+
+def test_line_ends_at_the_last_value() -> None:
+    values = [(at_s, 5.0) for at_s in range(SHOWN_S + 1)]
+    for later_s in (0, 60, 120):
+        rows = texts(drawn(values, later_s=later_s))
+        line = max((row[7:] for row in rows[:-2]), key=lambda row: sum(cell > "⠀" for cell in row))
+        assert 1.0 - len(line.rstrip(" ⠀")) / len(line) == pytest.approx(later_s / SHOWN_S, abs=0.02)
+    assert drawn(values, later_s=SHOWN_S + 1) == ()
 
 
 def test_error_is_dotted_about_the_line() -> None:

@@ -2,6 +2,8 @@
 
 import itertools
 import math
+import threading
+from dataclasses import replace
 
 import can
 import cantools
@@ -9,10 +11,13 @@ import pytest
 from can.interfaces.virtual import VirtualBus
 
 from gateway.core.errors import ConfigError
-from gateway.core.estimates.results import WheelState
+from gateway.core.estimates.results import Silence, SilentPart, WheelState
 from gateway.core.links.reconnect import Backoff
+from gateway.core.reasons import Reason
+from gateway.core.wheels.reasons import WheelCode
 from gateway.publishing import can_bus, sink_worker
 from gateway.publishing.can_frames import CONDITIONS, GATEWAY, LAYOUTS, MOTION, SLOTS, FrameEncoder, dbc_text, slots_of
+from gateway.publishing.sink import SinkSetting, open_sink
 from tests.publishing.receivers import finish, publish, worker_of
 from tests.testkit.commands import invoked, run
 from tests.testkit.waiting import TIMEOUT_S, until
@@ -131,8 +136,6 @@ def test_unknown_and_impossible_values_are_not_available(dbc) -> None:
 
 
 def test_resting_wheel_states_that_it_has_no_speed(items, dbc) -> None:
-    from dataclasses import replace
-
     state = items[-1]
     wheels = tuple(replace(wheel, state=WheelState.STANDSTILL) for wheel in state.snapshot.wheels)
     with can.Bus(interface="virtual", channel="resting") as bus:
@@ -142,6 +145,39 @@ def test_resting_wheel_states_that_it_has_no_speed(items, dbc) -> None:
     assert (motion["State"], motion["Speed"], motion["SpeedStatus"]) == ("standstill", "not_available", "not_available")
     assert result["RR_Conditions"][0]["PressureStatus"] == "valid"
     assert result["Treadlink_Gateway"][0]["RollingWheels"] == 0
+
+
+def test_load_is_the_stated_one_also_at_rest(items, dbc) -> None:
+    state = items[-1]
+    wheels = tuple(
+        replace(wheel, state=WheelState.STANDSTILL, stated=frozenset() if wheel.position == "RR" else wheel.stated)
+        for wheel in state.snapshot.wheels
+    )
+    with can.Bus(interface="virtual", channel="load") as bus:
+        publish("can:virtual:load", [replace(state, snapshot=replace(state.snapshot, wheels=wheels))])
+        result = decoded(dbc, received(bus))
+    load = {name: result[f"{name}_Conditions"][0]["LoadStatus"] for name in ("RL", "RR")}
+    assert load == {"RL": "valid", "RR": "not_available"}, "that of RR is an estimate"
+
+
+def test_old_pressure_of_a_rolling_wheel_is_not_available(items, dbc) -> None:
+    state, revolution = items[-1], next(item for item in items if item.result.position == "FL")
+    old = Silence(SilentPart.ENVIRONMENT, 9.0, Reason(WheelCode.ENVIRONMENT_SILENT, silence_s=9.0))
+    snapshots = [
+        replace(state.snapshot, wheels=tuple(replace(wheel, silences=silences) for wheel in state.snapshot.wheels))
+        for silences in ((old,), ())
+    ]
+    sink = open_sink("can:virtual:old", SinkSetting())[1]
+    stop = threading.Event()
+    with can.Bus(interface="virtual", channel="old") as bus:
+        sink.open(stop)
+        for snapshot in snapshots:
+            sink.send(replace(state, snapshot=snapshot), stop)
+            sink.send(revolution, stop)
+        sink.close()
+        result = decoded(dbc, received(bus))["FL_Conditions"]
+    for name in ("Pressure", "Temperature"):
+        assert [frame[f"{name}Status"] for frame in result] == ["not_available", "valid"]
 
 
 def test_dbc_states_ranges_units_and_no_overlap(dbc) -> None:

@@ -3,6 +3,7 @@
 import pytest
 
 from gateway.core.estimates.results import SinkState
+from gateway.core.text.wording import text
 from gateway.publishing.payloads import messages
 from gateway.publishing.sink import SinkError, SinkSetting, open_sink
 from tests.publishing.receivers import finish, publish, worker_of
@@ -73,6 +74,27 @@ def test_what_the_server_refuses_is_sent_again(items, server) -> None:
     server.status = 204
     finish(worker)
     assert {line for item in items[:-1] for line in lines(item)} <= set(server.lines)
+
+
+@pytest.mark.parametrize("status", [400, 413, 422])
+def test_points_that_are_wrong_for_the_server_hold_no_others_up(items, server, status) -> None:
+    server.status = 500
+    worker = worker_of(f"influx://127.0.0.1:{server.server_port}/car")
+    worker.start()
+    for item in (items[0], items[-1]):
+        worker.offer(item)
+    until(lambda: worker.snapshot().state is SinkState.DOWN)
+    server.status = status
+    until(lambda: worker.snapshot().dropped == 1)
+    assert str(status) in text(worker.snapshot().note)
+    server.status = 204
+    for item in (items[1], items[-1]):
+        worker.offer(item)
+    finish(worker)
+    assert (worker.snapshot().published, worker.snapshot().dropped) == (1, 1)
+    assert worker.is_left, "what was refused is said at the end"
+    assert set(lines(items[1])) <= set(server.lines)
+    assert not set(lines(items[0])) & set(server.lines)
 
 
 def test_server_that_is_away_is_named(items) -> None:

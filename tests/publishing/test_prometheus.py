@@ -3,11 +3,13 @@
 import json
 import re
 import threading
+from dataclasses import replace
 from pathlib import Path
 from urllib.request import urlopen
 
 import pytest
 
+from gateway.core.estimates.results import WheelState
 from gateway.publishing.payloads import messages
 from gateway.publishing.sink import PublishedState, SinkDownError, SinkError, SinkSetting, open_sink
 
@@ -55,6 +57,16 @@ def test_numbers_are_those_of_the_states(items) -> None:
     assert result["treadlink_estimate"][position] == estimates["speed_mps"].value
     assert result["treadlink_estimate_std"][position] == estimates["speed_mps"].std
     assert result["treadlink_estimate_valid"][position] == 1.0
+
+
+def test_wheel_that_stands_has_no_speed(items) -> None:
+    state = items[-1]
+    wheels = tuple(replace(wheel, state=WheelState.STANDSTILL) for wheel in state.snapshot.wheels)
+    rolling, standing = scraped(state), scraped(replace(state, snapshot=replace(state.snapshot, wheels=wheels)))
+    assert {"treadlink_wheel_speed_mps", "treadlink_wheel_rotation_rpm"} <= set(rolling) - set(standing)
+    gone = {name for _, name in set(rolling["treadlink_estimate"]) - set(standing["treadlink_estimate"])}
+    assert {"speed_mps", "angular_speed_radps", "turn_rate_radps"} <= gone
+    assert standing["treadlink_wheel_contact_fraction"] == rolling["treadlink_wheel_contact_fraction"]
 
 
 def test_invalid_estimates_are_left_out(items) -> None:

@@ -7,6 +7,7 @@ import pytest
 
 from gateway.core.clock import SystemClock
 from gateway.core.estimates.results import SinkState
+from gateway.core.text.wording import text
 from gateway.publishing.payloads import messages
 from gateway.publishing.sink import SINKS, PublishedAlarm, PublishedRevolution, Sink, SinkError, SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
@@ -47,6 +48,31 @@ def test_a_refused_alarm_is_sent_again(server, items, status) -> None:
     finish(worker)
     assert (worker.snapshot().published, worker.snapshot().dropped) == (1, 0)
     assert {path for path, _, _ in server.requests} == {"/"}
+
+
+@pytest.mark.parametrize("status", [400, 413, 422])
+def test_an_alarm_that_is_wrong_for_the_server_holds_no_other_up(server, items, status) -> None:
+    server.status = 500
+    name, sink = open_sink(f"webhook:http://127.0.0.1:{server.server_port}/", SinkSetting())
+    worker = worker_of(name, sink)
+    worker.start()
+    first, second = (item for item in items if isinstance(item, PublishedAlarm))
+    worker.offer(first)
+    until(lambda: worker.snapshot().state is SinkState.DOWN)
+    server.status = status
+    until(lambda: worker.snapshot().dropped == 1)
+    assert str(status) in text(worker.snapshot().note)
+    server.status = 200
+    worker.offer(second)
+    finish(worker)
+    assert (worker.snapshot().published, worker.snapshot().dropped) == (1, 1)
+    assert [json.loads(body)["raised"] for _, _, body in server.requests[-2:]] == [True, False]
+
+
+def test_path_is_quoted_once(server, items) -> None:
+    name, sink = open_sink(f"webhook:http://127.0.0.1:{server.server_port}/a b/ü%20?k=a b", SinkSetting())
+    publish(worker_of(name, sink), items)
+    assert {path for path, _, _ in server.requests} == {"/a%20b/%C3%BC%20?k=a%20b"}
 
 
 def test_an_alarm_waits_for_a_server_that_is_away(items) -> None:

@@ -150,14 +150,16 @@ def test_wrong_radius_is_contradicted_by_the_ground_speed(drive) -> None:
     assert "vehicle speed" in {record.name for record in core.snapshot(12.0).alarm_records}
 
 
-def test_braking_is_no_contradiction(tmp_path) -> None:
+@pytest.mark.parametrize("rate_hz", [1, 10])
+def test_braking_is_no_contradiction_and_in_the_error_of_the_ground_speed(tmp_path, rate_hz: int) -> None:
     path = tmp_path / "braking.toml"
     path.write_text(BRAKING)
-    items, toml = simulated(f"sim:{path}?speed=max&seed=4&receiver=10")
+    items, toml = simulated(f"sim:{path}?speed=max&seed=4&receiver={rate_hz}")
     results, _ = live(items, parse_vehicle(toml, "braking"))
     assert len(results) > 80
     assert not any(contradictions(result) for result in results)
-    assert all("ground_speed_mps" in values(result) for result in results[5:])
+    both = [(values(result)["ground_speed_mps"], values(result)["speed_mps"].value) for result in results[20:]]
+    assert max(abs(ground.value - speed_mps) / ground.std for ground, speed_mps in both) < 3.0
 
 
 def test_receiver_without_position_and_silent_receiver_are_alarms(drive) -> None:

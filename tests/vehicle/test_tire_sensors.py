@@ -282,6 +282,18 @@ def test_unknown_wheel_is_a_fault_of_the_vehicle_file() -> None:
         parse_vehicle(VEHICLE + TPMS.format(position="XX"), "v")
 
 
+def test_two_sensors_of_a_wheel_and_a_sensor_of_two_wheels_are_faults_of_the_vehicle_file() -> None:
+    entry = TPMS.format(position="FL").partition("\n\n")[2]
+    again = (entry.replace("0CEB28A2", "1"), entry.replace("FL", "FR").replace("0CEB28A2", "0ceb28a2"))
+    wheels = VEHICLE + '[[wheel]]\nposition = "FR"\nhub = 0\nwheel = 1\n'
+    with pytest.raises(ConfigError) as error:
+        parse_vehicle("".join((wheels, TPMS.format(position="FL"), *again)), "v")
+    faults = str(error.value).splitlines()
+    for fault, key in zip(faults, ("tpms.sensor[#2].wheel", "tpms.sensor[#3].id"), strict=True):
+        assert key in fault
+        assert "tpms.sensor[#1] has the same" in fault
+
+
 @pytest.mark.parametrize(
     ("stated", "options", "utc_ns"),
     [

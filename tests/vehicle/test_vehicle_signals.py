@@ -173,6 +173,17 @@ def test_signals_that_are_no_speed_do_not_end_the_check_of_the_speed(wheel, othe
     assert TrustCode.MAY_CHANGE_BY in codes_of(speed.reasons)
 
 
+@pytest.mark.parametrize("is_sent", [True, False])
+def test_dead_wheel_speed_does_not_end_the_check_of_the_radius(wheel, is_sent: bool) -> None:
+    items, vehicle = drive(wheel, rotation=0.0, speed=1.08)
+    number = vehicle_bus.database().get_message_by_name("ESP_Wheels").frame_id
+    bus = [frame for item in items if isinstance(item, BusFrames) for frame in unpack(item.data, item.host_ns)]
+    heard = blocks(frame for frame in bus if is_sent or frame.can_id != number)
+    speed = values(estimated(merged(wheel[0], heard), vehicle)[-1])["speed_mps"]
+    (why,) = [reason["why"] for reason in speed.reasons if reason.code is TrustCode.MAY_CHANGE_BY]
+    assert [cause.kind[1] for cause in why["causes"]] == ["radius", "rate"]
+
+
 def test_car_that_agrees_contradicts_nothing(wheel) -> None:
     items, vehicle = drive(wheel, rotation=1.005, speed=0.99)
     assert values(estimated(items, vehicle)[-1])["speed_mps"].status == "valid"
@@ -438,6 +449,18 @@ def test_published_j1939_file_gives_wheel_speeds() -> None:
         assert result.take(item) == pytest.approx(expected)
 
 
+def test_messages_of_one_parameter_group_are_told_apart_by_their_source() -> None:
+    signal = ' SG_ Speed : {}|16@1+ (0.01,0) [0|0] "m/s" ECU\n'
+    names = ((0x98FE6E0B, "Front", 0, "FL"), (0x98FE6E0C, "Rear", 16, "RL"))
+    dbc = "".join(f"BO_ {number} {name}: 8 ECU\n{signal.format(bit)}" for number, name, bit, _ in names)
+    setups = [SignalSetup(Quantity.WHEEL_SPEED, name, "Speed", wheel=wheel) for _, name, _, wheel in names]
+    result = SignalDecoder(BusDecoder(setups, 1.0, f'VERSION ""\nBU_: ECU\n{dbc}', "x.dbc", is_j1939=True))
+    data = (1000).to_bytes(2, "little") + (2000).to_bytes(2, "little") + bytes(4)
+    for number, expected in ((0x18FE6E0B, {"FL": 10.0}), (0x0CFE6E0C, {"RL": 20.0}), (0x18FE6E0D, {})):
+        item = BusFrames("can:x", 0, pack([BusFrame(0, number, True, data)], 0))
+        assert result.take(item) == {f"{wheel}.car_wheel_speed_mps": value for wheel, value in expected.items()}
+
+
 def test_history_interpolates_within_what_is_known() -> None:
     signal = VehicleSignal("x_mps", Quantity.VEHICLE_SPEED, "mps", None, None, 1.0)
     history = SignalHistory([signal])
@@ -450,19 +473,22 @@ def test_history_interpolates_within_what_is_known() -> None:
     assert history.at("x_mps", 2 * 10**9, 4 * 10**9) is None
 
 
-def test_position_goes_on_between_fixes_and_is_not_drawn_through_the_date_line() -> None:
+def test_position_and_course_go_on_between_fixes_and_the_short_way_round() -> None:
     history = SignalHistory(RECEIVER_SIGNALS)
-    for at_ns, value in ((0, 179.998), (10**9, 179.999), (2 * 10**9, -180.0), (3 * 10**9, -179.999)):
-        history.add("longitude_deg", at_ns, value)
+    for at_s, longitude, course in ((0, 179.998, 6.1), (1, 179.999, 6.2), (2, -180.0, 0.1), (3, -179.999, 0.2)):
+        history.add("longitude_deg", at_s * 10**9, longitude)
+        history.add("course_rad", at_s * 10**9, course)
 
-    def position_at(at_s: float, known_s: float) -> float:
-        return history.at("longitude_deg", round(at_s * 1e9), round(known_s * 1e9)).value
+    def value_at(at_s: float, known_s: float, key: str = "longitude_deg") -> float:
+        return history.at(key, round(at_s * 1e9), round(known_s * 1e9)).value
 
-    assert position_at(0.5, 1.0) == pytest.approx(179.9985)
-    assert position_at(1.5, 1.5) == pytest.approx(179.9995), "on the line through the two before"
-    assert position_at(1.5, 2.0) == 179.999
-    assert position_at(2.5, 2.5) == -180.0
-    assert position_at(3.5, 3.5) == pytest.approx(-179.9985)
+    assert value_at(0.5, 1.0) == pytest.approx(179.9985)
+    assert value_at(1.5, 1.5) == pytest.approx(179.9995), "on the line through the two before"
+    assert value_at(1.25, 2.0) == pytest.approx(179.99925)
+    assert value_at(2.5, 2.5) == pytest.approx(-179.9995)
+    assert value_at(3.5, 3.5) == pytest.approx(-179.9985)
+    assert value_at(1.0 + 1e-3, 2.0, "course_rad") == pytest.approx(6.2, abs=1e-3)
+    assert value_at(1.9, 2.0, "course_rad") == pytest.approx(0.1, abs=0.02)
 
 
 def test_position_of_the_bus_replaces_that_of_the_receiver() -> None:

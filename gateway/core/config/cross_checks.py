@@ -52,9 +52,15 @@ def _unknown_wheel(key: str, wheel: str, positions: list[str]) -> Fault:
 
 def _bus_signals(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, Any]]]) -> Iterator[Fault]:
     positions = [wheel["position"] for _, wheel in wheels if isinstance(wheel.get("position"), str)]
+    sensor_indexes: dict[tuple[str, str], int] = {}
     for index, sensor in as_tables(as_table(data.get("tpms")).get("sensor")):
         if isinstance(wheel := sensor.get("wheel"), str) and wheel not in positions:
             yield _unknown_wheel(f"tpms.sensor[#{index + 1}].wheel", wheel, positions)
+        for key, value in (("wheel", str(wheel)), ("id", str(sensor.get("id")).casefold())):
+            first = sensor_indexes.setdefault((key, value), index)
+            if first != index and key in sensor:
+                allowed = f"tpms.sensor[#{first + 1}] has the same; each wheel has one sensor"
+                yield Fault(f"tpms.sensor[#{index + 1}].{key}", show(sensor[key]), allowed)
     signal_indexes: dict[tuple[str, str], int] = {}
     for index, signal in as_tables(as_table(data.get("vehicle_signals")).get("signal")):
         key = f"vehicle_signals.signal[#{index + 1}]"
@@ -108,12 +114,8 @@ def _duplicates(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, An
         position = wheel.get("position")
         if isinstance(position, str):
             if position in positions:
-                first = positions[position] + 1
-                yield Fault(
-                    f"{number}.position",
-                    show(position),
-                    f"wheel[#{first}] has the same position; positions must be unique",
-                )
+                allowed = f"wheel[#{positions[position] + 1}] has the same position; positions must be unique"
+                yield Fault(f"{number}.position", show(position), allowed)
             positions.setdefault(position, index)
         name = key_of(data, ("wheel", index))
         hub, channel = wheel.get("hub"), wheel.get("wheel")
@@ -144,11 +146,8 @@ def _axles(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, Any]]])
                 allowed = f"no wheel has this position; {f'did you mean {guess}?' if guess else f'known: {positions}'}"
                 yield Fault(key, show(name), allowed)
             elif "load_n" in by_position[name] and "weight_kg" in axle:
-                yield Fault(
-                    f"wheel[{name}].load_n",
-                    show(by_position[name]["load_n"]),
-                    f"{key[:-7]} states its load too; keep only one",
-                )
+                allowed = f"{key[:-7]} states its load too; keep only one"
+                yield Fault(f"wheel[{name}].load_n", show(by_position[name]["load_n"]), allowed)
             if name in axles:
                 yield Fault(
                     key, show(name), f"axle[#{axles[name] + 1}] lists this wheel too; a wheel belongs to one axle"

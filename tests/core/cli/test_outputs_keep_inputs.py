@@ -70,6 +70,8 @@ OVERWRITING_LIVE += [
     "live replay:rec.mcap?speed=max --plain --publish jsonl:hard.mcap?append=yes",
     "live replay:rec.mcap?speed=max --plain --record new --publish jsonl:new?append=yes",
     "live can:bus.log?dbc=rec.csv --plain --publish jsonl:rec.csv?append=yes",
+    "live replay:rec.mcap?speed=max --plain --publish influx:hard.mcap?append=yes",
+    "live replay:rec.mcap?speed=max --plain --record new --publish influx:new?append=yes",
 ]
 # Commands that write only new files.
 NEVER = [
