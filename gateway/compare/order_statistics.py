@@ -176,7 +176,9 @@ class OrderAccumulator:
         self._fine_speeds: dict[int, _Spectra] = {}
         self._first_block: FloatArray = np.zeros((_AXES, 0))
 
-    def add(self, index: int, axes_mps2: FloatArray, omega_radps: float, order_max: int) -> None:
+    def add(
+        self, index: int, axes_mps2: FloatArray, omega_radps: float, order_max: int, *, follows: bool = True
+    ) -> None:
         """Add a revolution.
 
         Args:
@@ -184,6 +186,7 @@ class OrderAccumulator:
             axes_mps2: (3, n) axes on the angle grid; NaN rows for absent axes.
             omega_radps: mean angular speed.
             order_max: highest order that the sampling carries.
+            follows: whether it begins with the contact that ended the revolution of the number before.
         """
         orders = order_coefficients(axes_mps2, order_max)
         amplitude: FloatArray = np.abs(orders)
@@ -193,7 +196,10 @@ class OrderAccumulator:
         self._repeated += np.where(finite, orders, 0.0) * omega_radps**2
         self._fourth += finite * omega_radps**4
         self._range = min(self._range[0], omega_radps), max(self._range[1], omega_radps)
-        self._add_to_block(index, axes_mps2, omega_radps, order_max)
+        if index != self._next or not follows:
+            self._end_run()
+        self._next = index + 1
+        self._add_to_block(axes_mps2, omega_radps, order_max)
 
     def statistics(self) -> OrderStatistics | None:
         """Return the statistics of the revolutions so far, None without any."""
@@ -243,10 +249,7 @@ class OrderAccumulator:
             integer_share_std=std,
         )
 
-    def _add_to_block(self, index: int, axes_mps2: FloatArray, omega_radps: float, order_max: int) -> None:
-        if index != self._next:
-            self._end_run()
-        self._next = index + 1
+    def _add_to_block(self, axes_mps2: FloatArray, omega_radps: float, order_max: int) -> None:
         # In the order of time: a revolution begins at angle 0, in the middle of the grid.
         self._block.append(_Turn(np.roll(axes_mps2, -(GRID_SIZE // 2), axis=1), omega_radps, order_max))
         if len(self._block) < BLOCK_REVOLUTIONS:

@@ -31,7 +31,13 @@ class _Wheel:
         if revolution.faults:
             self.rejected += 1
             return
-        self.orders.add(revolution.index, revolution.axes_mps2, revolution.omega_radps, revolution.order_max)
+        self.orders.add(
+            revolution.index,
+            revolution.axes_mps2,
+            revolution.omega_radps,
+            revolution.order_max,
+            follows=revolution.follows,
+        )
         self.mean.add(revolution)
 
 

@@ -52,10 +52,16 @@ def recording_points(
             f"'{path}' contains no vehicle configuration", "Give one that states the loads: --config VEHICLE.toml."
         )
     wheels: dict[str, list[RevolutionResult]] = defaultdict(list)
+    recorded: set[str] = set()
     rig = open_rig_channels(reader)
     for result in RecordingPass(recording, ("kinematic", ESTIMATOR), is_watched=False):
+        recorded.add(result.position)
         if not positions or result.position in positions:
             wheels[result.position].append(result)
+    for position in dict.fromkeys(positions):
+        if position not in recorded:
+            known = ", ".join(sorted(recorded)) or "none"
+            on_left_out(f"{path.name} {position}: no revolution of this wheel; wheels with revolutions: {known}")
     points = []
     for position, results in wheels.items():
         for part, revolutions, is_swept in _parts(results, rig):

@@ -8,12 +8,12 @@ parabola and a nearly uniform pressure bound the share.
 """
 
 import math
-from collections.abc import Mapping
 from functools import lru_cache
 from typing import Final
 
 import numpy as np
 
+from gateway.core.constants import AXIS_NAMES
 from gateway.core.estimates.estimator import (
     DETERMINED,
     Estimate,
@@ -24,8 +24,11 @@ from gateway.core.estimates.estimator import (
 from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.revolution_block import RevolutionBlock, RevolutionEstimator
 from gateway.core.reasons import Reason
+from gateway.core.trust.reasons import TrustCode
 from gateway.core.types import FloatArray
+from gateway.forces.lateral_shape import LATERAL
 from gateway.forces.reasons import ForceCode
+from gateway.ring.reasons import RingCode
 
 NAMES: Final = ("friction_used", "sliding_share")
 
@@ -64,22 +67,28 @@ def _use_estimates(conditions: TireConditions, edges_rad: tuple[float, float]) -
     return _friction(pull, side), _sliding(conditions, pull, side, 0.5 * (edges_rad[1] - edges_rad[0]))
 
 
-def _side_ratio(conditions: TireConditions) -> Estimate | None:
-    """Return side force over load; None where the tire has no usable side force."""
-    force = conditions.given.get("side-force", {}).get("side_force_n")
-    load = conditions.load_n
-    if force is None or force.status is Status.INVALID or load is None or not load > 0.0:
-        return None
+def _side_ratio(conditions: TireConditions) -> Estimate:
+    """Return side force over load; invalid, with what is missing, where the tire has no usable side force."""
+    given, load = conditions.given.get("side-force"), conditions.load_n
+    if given is None:
+        return Estimate.invalid("side", Reason(EstimateCode.NEEDS_ESTIMATOR, estimator="side-force"))
+    if not given:
+        return Estimate.invalid("side", Reason(TrustCode.AXIS_MISSING, axis=AXIS_NAMES[LATERAL]))
+    force = given["side_force_n"]
+    if force.status is Status.INVALID:
+        return Estimate.invalid("side", *force.reasons)
+    if load is None or not load > 0.0:
+        return Estimate.invalid("side", Reason(RingCode.NEEDS_LOAD))
     std = math.hypot(force.std, force.value * conditions.load_std_n / load) / load
     return Estimate("side", force.value / load, std, force.status, force.reasons)
 
 
-def _friction(pull: Estimate, side: Estimate | None) -> Estimate:
+def _friction(pull: Estimate, side: Estimate) -> Estimate:
     if pull.status is Status.INVALID:
         return Estimate.invalid(NAMES[0], *pull.reasons)
-    if side is None:
-        reason = Reason(ForceCode.FRICTION_OF_LONGITUDINAL_ONLY)
-        return Estimate(NAMES[0], abs(pull.value), pull.std, Status.PROVISIONAL, (reason, *pull.reasons))
+    if side.status is Status.INVALID:
+        reasons = (Reason(ForceCode.FRICTION_OF_LONGITUDINAL_ONLY), *side.reasons, *pull.reasons)
+        return Estimate(NAMES[0], abs(pull.value), pull.std, Status.PROVISIONAL, tuple(dict.fromkeys(reasons)))
     resultant = math.hypot(pull.value, side.value)
     # Near zero the size of a vector has the error of its parts.
     share = (pull.value / resultant) ** 2 if resultant > 0.0 else 0.5
@@ -89,11 +98,10 @@ def _friction(pull: Estimate, side: Estimate | None) -> Estimate:
     return Estimate(NAMES[0], resultant, std, Status.VALID if is_valid else Status.PROVISIONAL, reasons)
 
 
-def _sliding(conditions: TireConditions, pull: Estimate, side: Estimate | None, half_angle_rad: float) -> Estimate:
-    side_estimates: Mapping[str, Estimate] = conditions.given.get("side-force", {})
-    moment = side_estimates.get("aligning_moment_nm")
-    if side is None or moment is None:
-        return Estimate.invalid(NAMES[1], Reason(ForceCode.NEEDS_SIDE_FORCE_CALIBRATION))
+def _sliding(conditions: TireConditions, pull: Estimate, side: Estimate, half_angle_rad: float) -> Estimate:
+    if side.status is Status.INVALID:
+        return Estimate.invalid(NAMES[1], *side.reasons)
+    moment = conditions.given["side-force"]["aligning_moment_nm"]
     if moment.status is Status.INVALID:
         return Estimate.invalid(NAMES[1], *moment.reasons)
     assert conditions.load_n is not None

@@ -130,7 +130,7 @@ def _faults(data: Mapping[str, Any]) -> Iterator[Fault]:
         if isinstance(begin, int | float) and isinstance(end, int | float) and not begin < end:
             yield Fault(f"run[#{index + 1}].to_s", show(end), f"allowed: more than from_s = {show(begin)}")
         for other_index, other in enumerate(runs[:index]):
-            if isinstance(other, Mapping) and _overlap(other, run):
+            if isinstance(other, Mapping) and _overlap(other, run, data.get("wheel")):
                 yield Fault(
                     f"run[#{index + 1}].from_s",
                     show(begin),
@@ -138,9 +138,12 @@ def _faults(data: Mapping[str, Any]) -> Iterator[Fault]:
                 )
 
 
-def _overlap(run: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
-    """Return whether two runs have revolutions in common, which would count twice."""
-    if any(run.get(key) != other.get(key) for key in ("recording", "wheel")):
+def _overlap(run: Mapping[str, Any], other: Mapping[str, Any], wheel: object) -> bool:
+    """Return whether two runs have revolutions in common, which would count twice; `wheel` is the default of both."""
+    recordings = [Path(str(each.get("recording"))) for each in (run, other)]
+    # A wheel that is not named is the only one recorded.
+    named = {str(each.get("wheel", wheel)) for each in (run, other)} - {"None"}
+    if recordings[0] != recordings[1] or len(named) > 1:
         return False
     begin, begin_other = run.get("from_s", 0.0), other.get("from_s", 0.0)
     end, end_other = run.get("to_s", math.inf), other.get("to_s", math.inf)

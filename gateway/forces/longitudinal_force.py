@@ -11,6 +11,7 @@ from typing import Final
 
 import numpy as np
 
+from gateway.core.contacts.contact_timing import MOST_UNSEEN
 from gateway.core.estimates.disagreement import CONTRADICTION
 from gateway.core.estimates.estimator import (
     DETERMINED,
@@ -72,6 +73,9 @@ _EXTENSION_LOSS_STD: Final = 0.004
 _BY_RUN_OUT: Final = 120.0
 # Likewise of rolling resistance and the belt's loss: 0.1 mm makes 0.05 %.
 _LOSS_BY_RUN_OUT: Final = 5.0
+# Change of force and torque over the load from one revolution to the next where they are not measured: braking by a
+# fifth of the load begins within ten.
+_CHANGE: Final = 0.02
 # Largest standard error of a valid force near zero, over the load: driving at steady speed takes 1 to 5 % of it.
 _USEFUL_STD: Final = 0.02
 # Largest error of the load of a balance that is solved: its row is one of those that hold.
@@ -196,7 +200,8 @@ class LongitudinalForceEstimator(RevolutionEstimator):
     The force is that of the road on the tire, positive forward; the torque is positive when it drives. Both are
     means over the latest revolutions. longitudinal_ratio is force over load, and needs no load. rolling_resistance
     is torque / R minus force, over the load; damping_loss is the part of it that the belt's own deformation loses,
-    without the tread.
+    without the tread. Revolutions that are not used leave the forces with the error of what may have changed since, and
+    end them after MOST_UNSEEN; the losses are of the tire and stay.
     """
 
     name = "longitudinal-force"
@@ -206,14 +211,20 @@ class LongitudinalForceEstimator(RevolutionEstimator):
         self._recent = _Track(HORIZON_REVOLUTIONS, _MAX_PAUSE)
         self._tire = _Track(TIRE_HORIZON_REVOLUTIONS, LONGEST)
         self._omega_radps = 0.0
+        # Revolutions since the latest that was used, and what may have changed of the mean since.
+        self._unseen_count, self._change_std = 0, 0.0
 
     def _estimates(self, block: RevolutionBlock, index: int) -> tuple[Estimate, ...]:
         revolution, conditions = block.revolutions[index], block.conditions[index]
+        self._unseen_count += 1
+        self._change_std += (_CHANGE * self._unseen_count - self._change_std) / HORIZON_REVOLUTIONS
         if revolution.faults:
-            # What is measured without this revolution still is, as of every average.
+            ended = _all_invalid(not_used(revolution.faults))
             if self._recent.solution is None or self._tire.solution is None:
-                return _all_invalid(not_used(revolution.faults))
-            return self._after_solution(revolution, conditions)
+                return ended
+            # What is measured without this revolution still is, as of every average.
+            held = self._after_solution(revolution, conditions)
+            return held if self._unseen_count <= MOST_UNSEEN else (*ended[:3], *held[3:])
         average = block.averages.at(index)
         reason = unusable(average, conditions)
         if reason is None and not positive(revolution.omega_radps):
@@ -227,6 +238,9 @@ class LongitudinalForceEstimator(RevolutionEstimator):
             return _all_invalid(Reason(CoreCode.NO_STEADY_VALUE))
         curvature = curvature_from_signal(signal, conditions.sensor_offset_m / conditions.radius_m)
         tilted = _tilted(revolution, edges, max_order, float(signal[0].real), conditions.tilt)
+        if self._unseen_count > MOST_UNSEEN + 1:
+            self._recent = _Track(HORIZON_REVOLUTIONS, _MAX_PAUSE)
+        self._unseen_count, self._change_std = 0, 0.0
         self._recent.update(curvature, tilted)
         self._tire.update(curvature, tilted)
         weight = 1.0 / min(self._tire.effective_count, TIRE_HORIZON_REVOLUTIONS)
@@ -299,10 +313,13 @@ class LongitudinalForceEstimator(RevolutionEstimator):
         pull_variance, torque_variance = (
             float(covariance[force, force]) for force in (Force.LONGITUDINAL, Force.TORQUE)
         )
-        pull_std = math.hypot(math.sqrt(pull_variance), tilt, _EXTENSION_STD * pull, run_out)
-        torque_std = math.hypot(math.sqrt(torque_variance), _EXTENSION_STD * torque, run_out)
+        change = self._change_std
+        pull_std = math.hypot(math.sqrt(pull_variance), tilt, _EXTENSION_STD * pull, run_out, change)
+        torque_std = math.hypot(math.sqrt(torque_variance), _EXTENSION_STD * torque, run_out, change)
         scatter = self._recent.scatter
-        pull_scatter, torque_scatter = (_root(scatter[force, force]) for force in (Force.LONGITUDINAL, Force.TORQUE))
+        pull_scatter, torque_scatter = (
+            math.hypot(_root(scatter[force, force]), change) for force in (Force.LONGITUDINAL, Force.TORQUE)
+        )
         ratio = _signed(NAMES[2], pull, pull_std, pull_scatter, 1.0, doubts, unbalanced)
         losses = self._losses(doubts, _LOSS_BY_RUN_OUT * conditions.tire.runout_m)
         load = conditions.load_n

@@ -33,6 +33,8 @@ _LONG_AVERAGE: Final = 500
 # A lateral slope dy/dx with y = a / Omega^2 and x = R theta.
 _SLOPE: Final = {Basis.RADIUS: -1.0, Basis.RATE: -2.0, Basis.GAIN: -1.0, Basis.AXES: 1.0}
 _LATERAL_SHIFT: Final = {Basis.RATE: -2.0, Basis.GAIN: -1.0, Basis.AXES: 1.0}
+# A rate with a = 2 V rate and V = R Omega.
+_TURN: Final = {Basis.RADIUS: -1.0, Basis.RATE: -1.0, Basis.GAIN: -1.0, Basis.AXES: 1.0}
 _TO_THE_LEFT: Final = "to the left"
 
 
@@ -200,7 +202,7 @@ TURNING: Final = (
         "yaw rate of the wheel, by its path and by steering",
         "lateral axis = -2 V turn cos(theta) + V turn, beyond what straights and side force make",
         "turns to the left",
-        powers={Basis.GAIN: -1.0, Basis.AXES: 1.0},
+        powers=_TURN,
         rests_on=_SIGNED,
         possible=(-6.0, 6.0),
         live_label="turn rate",
@@ -212,7 +214,7 @@ TURNING: Final = (
         "radius of the wheel's path",
         "V / turn",
         "center of the curve to the left",
-        powers={Basis.RADIUS: 1.0, Basis.RATE: 1.0, Basis.GAIN: 1.0, Basis.AXES: -1.0},
+        powers={Basis.RADIUS: 2.0, Basis.RATE: 2.0, Basis.GAIN: 1.0, Basis.AXES: -1.0},
         rests_on=_SIGNED,
         possible=(-1e5, 1e5),
         live_label="curve radius",
@@ -225,7 +227,7 @@ TURNING: Final = (
         "rate of camber of the wheel",
         "lateral axis = -2 V rate sin(theta), beyond what straights make",
         "left side rises",
-        powers={Basis.GAIN: -1.0, Basis.AXES: 1.0},
+        powers=_TURN,
         rests_on=_SIGNED,
         possible=(-6.0, 6.0),
         live_label="",
@@ -235,7 +237,7 @@ TURNING: Final = (
         "lateral acceleration of the wheel's path",
         "V turn",
         _TO_THE_LEFT,
-        powers={Basis.RADIUS: 1.0, Basis.RATE: 1.0, Basis.GAIN: -1.0, Basis.AXES: 1.0},
+        powers={Basis.GAIN: -1.0, Basis.AXES: 1.0},
         rests_on=_SIGNED,
         possible=(-100.0, 100.0),
         live_label="",

@@ -15,9 +15,7 @@ class ForceCode(Codes):
     BEYOND_FRICTION = Code(
         "no friction carries that: {force:.1f} times the load as force and {torque:.1f} times load and radius as torque"
     )
-    FRICTION_OF_LONGITUDINAL_ONLY = Code(
-        "of the longitudinal force alone: the side force needs a calibration (treadlink calibrate side-force)"
-    )
+    FRICTION_OF_LONGITUDINAL_ONLY = Code("of the longitudinal force alone")
     NEEDS_SIDE_FORCE_CALIBRATION = Code(
         "the side force is not calibrated: `treadlink calibrate side-force` makes tire.side_force_calibration of the "
         "vehicle file"

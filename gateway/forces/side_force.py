@@ -62,22 +62,29 @@ class SideForceEstimator(LateralEstimator):
         rows = displacement_rows(half) @ _rotation(centre)
         values = rows @ record.lateral_m
         covariance = rows @ record.covariance @ rows.T
-        # The tilt that is left reads the radial axis into the lateral one, and the gain scales it.
+        # The tilt that is left reads the radial axis into the lateral one.
         by_roll = rows @ record.radial_m * steps.roll[row].std_rad
-        variance = np.diagonal(covariance) + np.square(by_roll) + np.square(values * conditions.gain_std)
+        variance = np.diagonal(covariance) + np.square(by_roll)
         lever = np.array([1.0, 1.0 / conditions.radius_m])
         shift, yaw = (values * lever).tolist()
         shift_std, yaw_std = (np.sqrt(variance) * lever).tolist()
+        shift_scale_std, yaw_scale_std = scale_stds(conditions)
         scatters = tuple((np.sqrt(np.maximum(np.diagonal(covariance), 0.0)) * lever).tolist())
         count = steps.effective_counts[row]
         doubts: tuple[Reason, ...] = ()
         if count < SETTLED_REVOLUTIONS * (1.0 - 1e-9):
             doubts = (Reason(CoreCode.NOT_SETTLED, revolutions=count, needed=SETTLED_REVOLUTIONS),)
         return (
-            _plain(NAMES[0], shift, shift_std, scatters[0], doubts),
-            _plain(NAMES[1], yaw, yaw_std, scatters[1], doubts),
+            _plain(NAMES[0], shift, math.hypot(shift_std, shift * shift_scale_std), scatters[0], doubts),
+            _plain(NAMES[1], yaw, math.hypot(yaw_std, yaw * yaw_scale_std), scatters[1], doubts),
             *_forces(conditions, half, ((shift, shift_std, scatters[0]), (yaw, yaw_std, scatters[1])), doubts),
         )
+
+
+def scale_stds(conditions: TireConditions) -> tuple[float, float]:
+    """Return the relative errors of what scales shift and yaw: a calibration of this sensor and tire contains them."""
+    gain_std = conditions.lateral_gain_std
+    return gain_std, math.hypot(gain_std, conditions.radius_std_m / conditions.radius_m)
 
 
 def _forces(

@@ -92,6 +92,8 @@ class SlipCalibration:
     def outside(self, half_angle_rad: float, pressure_pa: float | None, slip_rad: float) -> tuple[Reason, ...]:
         """Return what lies outside the calibrated ranges."""
         reasons = outside_calibration(half_angle_rad, self.half_angle_range_rad, pressure_pa, self.pressure_range_pa)
+        if math.isnan(slip_rad):
+            return (*reasons, Reason(ForceCode.SLIP_BEYOND_LAW))
         low, high = self.slip_range_rad
         span = MARGIN * (high - low)
         if not low - span <= slip_rad <= high + span:

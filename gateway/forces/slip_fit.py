@@ -154,7 +154,7 @@ class SlipRunRevolutions:
                 float(row(leading + edge, trailing) @ mean_m) - slope,
                 float(row(leading, trailing + edge) @ mean_m) - slope,
             ),
-            scale_std=math.hypot(conditions.gain_std, conditions.radius_std_m / radius),
+            scale_std=math.hypot(conditions.lateral_gain_std, conditions.radius_std_m / radius),
             half_angle_rad=0.5 * (trailing - leading),
             pressure_pa=float(np.mean(self._pressures)) if self._pressures else None,
             revolutions=len(slopes),

@@ -76,7 +76,7 @@ class TurningEstimator(LateralAxisEstimator[Sequence[tuple[Turn, float]]]):
         self._unseen_count += 1
         turn, count = self._latest
         is_held = reason.code is EstimateCode.REVOLUTION_NOT_USED and math.isfinite(turn.turn_std_radps)
-        if not is_held or self._unseen_count > MOST_UNSEEN:
+        if not (is_held and conditions.radius_m > 0.0) or self._unseen_count > MOST_UNSEEN:
             return super()._unused(conditions, reason)
         change_std_radps = _CHANGE_RADPS * self._unseen_count
         widened = turn._replace(
@@ -100,18 +100,26 @@ class TurningEstimator(LateralAxisEstimator[Sequence[tuple[Turn, float]]]):
             turn_status = Status.PROVISIONAL
             turn_doubts = (Reason(ForceCode.STRAIGHT_NOT_SHOWN, changes=turn.changes, needed=_MIN_CHANGES), *unused)
         rate, scatter = turn.turn_radps, turn.turn_scatter_radps
-        std = math.hypot(turn.turn_std_radps, conditions.lateral_gain_std * rate)
-        camber_std = math.hypot(turn.camber_std_radps, conditions.lateral_gain_std * turn.camber_radps)
+        # The axis shows V times a rate: the belt radius is in the rates once, in the curve radius twice.
+        gain_std, radius_std = conditions.lateral_gain_std, conditions.radius_std_m / conditions.radius_m
+        std = math.hypot(turn.turn_std_radps, gain_std * rate, radius_std * rate)
+        camber_std = math.hypot(turn.camber_std_radps, gain_std * turn.camber_radps, radius_std * turn.camber_radps)
         speed = turn.speed_mps
         if abs(rate) > DETERMINED * std:
-            radius = Estimate(
-                NAMES[1], speed / rate, speed / rate**2 * std, turn_status, turn_doubts, speed / rate**2 * scatter
-            )
+            curve_std = speed / rate**2 * math.hypot(turn.turn_std_radps, gain_std * rate, 2.0 * radius_std * rate)
+            radius = Estimate(NAMES[1], speed / rate, curve_std, turn_status, turn_doubts, speed / rate**2 * scatter)
         else:
             radius = Estimate.invalid(NAMES[1], sign_not_determined(rate, std))
         return (
             Estimate(NAMES[0], rate, std, turn_status, turn_doubts, scatter),
             radius,
             Estimate(NAMES[2], turn.camber_radps, camber_std, status, doubts, turn.camber_scatter_radps),
-            Estimate(NAMES[3], speed * rate, speed * std, turn_status, turn_doubts, speed * scatter),
+            Estimate(
+                NAMES[3],
+                speed * rate,
+                speed * math.hypot(turn.turn_std_radps, gain_std * rate),
+                turn_status,
+                turn_doubts,
+                speed * scatter,
+            ),
         )

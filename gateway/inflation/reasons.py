@@ -15,10 +15,10 @@ class InflationCode(Codes):
         },
         course={
             "fast": (
-                "it fell by {fall_pa:.0f kPa} within {span_s:.0f min} of driving: stop and look for a puncture or a "
+                "it fell by {fall_pa:.0f kPa} within {span_s:.1g min} of driving: stop and look for a puncture or a "
                 "leaking valve"
             ),
-            "slow": "it did not fall fast in the last {span_s:.0f min} of driving: inflate the tire",
+            "slow": "no fast loss was seen: inflate the tire",
         },
     )
     PRESSURE_NOT_MONITORED = Code(

@@ -139,7 +139,13 @@ class MeasuredWheel:
         if self._orders is None:
             self._orders = OrderAccumulator(revolution.omega_radps)
         average = extended(self._running, revolution)
-        self._orders.add(revolution.index, revolution.axes_mps2, revolution.omega_radps, revolution.order_max)
+        self._orders.add(
+            revolution.index,
+            revolution.axes_mps2,
+            revolution.omega_radps,
+            revolution.order_max,
+            follows=revolution.follows,
+        )
         self._last = revolution, average, conditions
         self._speed.add(3.6 * revolution.omega_radps * conditions.radius_m, math.nan)
         for estimate in estimates:

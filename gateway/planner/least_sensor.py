@@ -14,7 +14,7 @@ from gateway.core.estimates.estimator import Status
 from gateway.core.estimates.results import RevolutionResult
 from gateway.core.estimates.wheel_setup import WheelSetup
 from gateway.planner.accelerometer import Accelerometer
-from gateway.planner.planned_errors import driven, tire_at
+from gateway.planner.planned_errors import driven, sampling_rate_hz, tire_at
 from gateway.planner.uncertainty_budget import SOURCES, Budget, Source, budgets
 from gateway.planner.wants import Want
 from gateway.simulator.scenario_model import Scenario
@@ -25,6 +25,8 @@ NOISES_MG_RTHZ: Final = tuple(
     mantissa * 10.0**decade for decade in (-2, -1, 0, 1, 2) for mantissa in (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
 )
 """Noise densities that are tried, from below."""
+Drives = tuple[WheelSetup, list[list[RevolutionResult]]]
+"""What is stated of a wheel, and the revolutions of its drives."""
 # Trials of a rate, at most: the smallest noise, then bisection.
 _TRIALS: Final = 1 + math.ceil(math.log2(len(NOISES_MG_RTHZ)))
 # Range beyond the peak, in standard deviations of the noise.
@@ -108,23 +110,17 @@ def least_sensors(
     """
     trials_done = 0
     peak_g = _peak_g(scenario, speeds_mps)
-    drive = partial(driven, scenario, wheels=wheels, seed=seed, revolutions=revolutions, statements=_improver(better))
+    drive = drives_of(scenario, revolutions=revolutions, wheels=wheels, seed=seed, better=better)
 
     def tried(rate_hz: float, noise_mg_rthz: float) -> tuple[float, WorstError]:
         range_g = peak_g + _HEADROOM * 1e-3 * noise_mg_rthz * math.sqrt(0.5 * rate_hz)
         sensor = Accelerometer(name="least", range_g=range_g, rate_hz=rate_hz, noise_mg_rthz=noise_mg_rthz)
-        errors: list[WorstError] = []
+        return range_g, _worst_error(partial(drive, sensor), wants, speeds_mps, revolutions, show)
+
+    def show() -> None:
         nonlocal trials_done
-        for speed_mps in speeds_mps:
-            on_share(trials_done / (len(RATES_HZ) * _TRIALS * len(speeds_mps)))
-            trials_done += 1
-            setup, drives = drive(sensor, speed_mps)
-            turn_min = 2.0 * math.pi * setup.radius_m / speed_mps / 60.0
-            errors += [_printed_error(drives, want, speed_mps, revolutions, turn_min) for want in wants]
-            if any(error.share > 1.0 for error in errors):
-                break
-        worst = max(errors, key=lambda error: error.share)
-        return range_g, replace(worst, minutes=max(error.minutes for error in errors))
+        on_share(trials_done / (len(RATES_HZ) * _TRIALS * len(speeds_mps)))
+        trials_done += 1
 
     enough = 0
     for index, rate_hz in enumerate(RATES_HZ):
@@ -134,6 +130,35 @@ def least_sensors(
         enough += candidate.reached
         if enough > _FASTER:
             return
+
+
+def drives_of(
+    scenario: Scenario, *, revolutions: int, wheels: int, seed: int = 0, better: Sequence[Source] = ()
+) -> Callable[[Accelerometer, float], Drives]:
+    """Return what drives a sensor at a speed; the arguments are as in `least_sensors`."""
+    return partial(driven, scenario, wheels=wheels, seed=seed, revolutions=revolutions, statements=_improver(better))
+
+
+def reaching_parts(
+    least: LeastSensor,
+    parts: Sequence[Accelerometer],
+    wants: Sequence[Want],
+    speeds_mps: Sequence[float],
+    revolutions: int,
+    drive: Callable[[Accelerometer, float], Drives],
+) -> list[Accelerometer]:
+    """Return the parts that reach the errors as `least` does, with band, gain and zero of their data sheets.
+
+    A noise that is not known counts as none.
+    """
+    return [
+        part
+        for part in parts
+        if part.range_g >= least.range_g
+        and sampling_rate_hz(part) >= least.rate_hz
+        and (part.noise_mg_rthz or 0.0) <= least.noise_mg_rthz
+        and _worst_error(partial(drive, part), wants, speeds_mps, revolutions).share <= 1.0
+    ]
 
 
 def better_statements(
@@ -172,6 +197,26 @@ def _improver(sources: Sequence[Source]) -> Callable[[WheelSetup], WheelSetup]:
 
 def _peak_g(scenario: Scenario, speeds_mps: Sequence[float]) -> float:
     return max(tire_at(scenario, speed).peak_mps2 for speed in speeds_mps) / STANDARD_GRAVITY_MPS2
+
+
+def _worst_error(
+    drive: Callable[[float], Drives],
+    wants: Sequence[Want],
+    speeds_mps: Sequence[float],
+    revolutions: int,
+    on_speed: Callable[[], None] = lambda: None,
+) -> WorstError:
+    """Return the worst error of a sensor's drives, by speed, up to the first speed at which one is not reached."""
+    errors: list[WorstError] = []
+    for speed_mps in speeds_mps:
+        on_speed()
+        setup, drives = drive(speed_mps)
+        turn_min = 2.0 * math.pi * setup.radius_m / speed_mps / 60.0
+        errors += [_printed_error(drives, want, speed_mps, revolutions, turn_min) for want in wants]
+        if any(error.share > 1.0 for error in errors):
+            break
+    worst = max(errors, key=lambda error: error.share)
+    return replace(worst, minutes=max(error.minutes for error in errors))
 
 
 def _printed_error(

@@ -115,8 +115,10 @@ def test_calibration_is_that_of_the_command(tmp_path):
     assert (tmp_path / "tables.toml").read_text("utf-8") == done.stdout
     assert "[tire.load_calibration]" in result.toml
     assert str(result) in done.stderr
+    reasons: list[str] = []
     with pytest.raises(gateway.Error, match="no wheel"):
-        gateway.calibrate(paths, wheels=["FL"])
+        gateway.calibrate(paths[:1], wheels=["FL"], on_left_out=reasons.append)
+    assert reasons == ["3000.mcap FL: no revolution of this wheel; wheels with revolutions: W1"]
 
 
 def test_campaign_and_trends(recorded, tmp_path):

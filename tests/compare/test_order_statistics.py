@@ -100,10 +100,11 @@ def test_orders_above_the_sampling_are_unknown():
     assert np.isnan(statistics.fine_mps2[2][BLOCK_REVOLUTIONS * 10 + 5 :]).all()
 
 
-def test_gap_between_revolutions_ends_a_block():
+@pytest.mark.parametrize(("indices", "after_gap"), [((0, 1, 2, 4, 5, 6), None), (range(6), 3)])
+def test_gap_between_revolutions_ends_a_block(indices, after_gap):
     total = OrderAccumulator(5.0)
-    for index in (*range(3), *range(4, 7)):
-        total.add(index, curves(np.cos(angle_grid())), OMEGA, 60)
+    for index in indices:
+        total.add(index, curves(np.cos(angle_grid())), OMEGA, 60, follows=index != after_gap)
     result = total.statistics()
     assert result is not None
     assert (result.revolutions, result.blocks) == (6, 0)

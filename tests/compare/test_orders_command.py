@@ -3,19 +3,23 @@
 import csv
 import io
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from gateway.compare.recorded_orders import recorded_orders
+from gateway.compare.order_statistics import BLOCK_REVOLUTIONS, OrderAccumulator
+from gateway.compare.recorded_orders import _Wheel, recorded_orders
 from gateway.compare.views.order_figure import write_figure
 from gateway.core.errors import OutputError, RecordingError
 from gateway.core.recording.recorded_file import open_recorded_file
+from gateway.core.revolutions.angle_resampling import GRID_SIZE
 from gateway.core.revolutions.order_spectrum import order_coefficients
 from gateway.core.session.recording_pass import OpenedRecording
 from gateway.exporting.recorded_signals import revolutions
 from tests.testkit.campaign_recordings import write_recording
 from tests.testkit.commands import invoked
+from tests.testkit.revolution_data import plain_revolution
 
 
 @pytest.fixture(scope="module")
@@ -73,6 +77,14 @@ def test_json_agrees_with_the_revolutions(recorded, tmp_path):
     assert 0.9 < wheel["integer_share"]["radial"] <= 1.0
     assert len(wheel["average"]["angle_rad"]) == 1024
     assert sum(speed["revolutions"] for speed in wheel["speeds"]) == len(usable)
+
+
+def test_a_revolution_after_a_gap_of_the_recording_begins_a_block():
+    wheel = _Wheel(0.3, OrderAccumulator(5.0))
+    for index in range(BLOCK_REVOLUTIONS):
+        revolution = plain_revolution(GRID_SIZE, index=index, follows=index not in (0, 4))
+        wheel.add(SimpleNamespace(revolution=revolution))
+    assert wheel.orders.statistics().block_revolutions == 4
 
 
 def test_json_has_a_spectrum_for_each_speed(two_speeds, tmp_path):

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gateway.core.contacts.contact_timing import MOST_UNSEEN
 from gateway.core.estimates.estimator import Estimate, Status, TireConditions
 from gateway.core.estimates.reasons import EstimateCode
 from gateway.core.estimates.revolution_block import extended
@@ -307,6 +308,27 @@ def test_revolution_that_is_not_used_leaves_the_forces_as_they_are() -> None:
     assert all(
         e.status is Status.PROVISIONAL and EstimateCode.REVOLUTION_NOT_USED in codes_of(e.reasons) for e in unused
     )
+
+
+def test_forces_that_are_not_measured_become_uncertain_and_end() -> None:
+    average, estimator = RunningAverage(), LongitudinalForceEstimator()
+    braking, driving = (make_revolution(OMEGA**2 * on_grid(ring(torque).sensor.radial_m)) for torque in (-500.0, 400.0))
+    for _ in range(40):
+        last = estimator.update(braking, extended(average, braking), ROUND)
+    lost = replace(braking, faults=(Reason(EstimateCode.SAMPLES_LOST),))
+    unseen = [estimator.update(lost, extended(average, lost), ROUND) for _ in range(MOST_UNSEEN + 1)]
+    for index in range(3):
+        stds = [last[index].std, *(each[index].std for each in unseen[:-1])]
+        assert stds == sorted(set(stds))
+        assert stds[1] < 1.5 * stds[0]
+        # As a mean of forces that go on to change by a fiftieth of the load.
+        unit = (LOAD_N, LOAD_N * RADIUS_M, 1.0)[index]
+        assert 0.08 < math.sqrt(stds[-1] ** 2 - stds[0] ** 2) / unit < 0.16
+        assert unseen[-1][index].status is Status.INVALID
+    assert all(e.status is Status.PROVISIONAL for e in unseen[-1][3:] if e.name == "damping_loss")
+    # What comes after is not mixed with what was before.
+    ratio = estimator.update(driving, extended(average, driving), ROUND)[2]
+    assert ratio.value == pytest.approx(ring(400.0).longitudinal_force_n / LOAD_N, abs=3.0 * ratio.std)
 
 
 def test_no_belt_shape_is_invalid_and_not_solved_each_time(monkeypatch: pytest.MonkeyPatch) -> None:

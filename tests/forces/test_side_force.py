@@ -9,9 +9,11 @@ import pytest
 
 from gateway.core.estimates.estimator import Estimate, Status, TireConditions
 from gateway.core.estimates.reasons import EstimateCode
+from gateway.core.estimates.sensor_claims import SensorClaims
 from gateway.core.estimates.tire_data import TireData
 from gateway.core.quantity_catalogue import quantity_of
-from gateway.core.reasons import codes_of
+from gateway.core.reasons import Reason, codes_of
+from gateway.core.trust.reasons import TrustCode
 from gateway.forces.free_belt import displacement_rows
 from gateway.forces.friction_use import FrictionUseEstimator, share_of_trail
 from gateway.forces.lateral_belt import LateralBelt, LateralSolution, solve_lateral_belt
@@ -19,6 +21,7 @@ from gateway.forces.lateral_deformation import ORDERS, lateral_coefficients
 from gateway.forces.reasons import ForceCode
 from gateway.forces.side_force import HORIZON_REVOLUTIONS, NAMES, SideForceEstimator
 from gateway.forces.side_force_calibration import LinearLaw, SideForceCalibration, fit_linear_law
+from gateway.ring.reasons import RingCode
 from tests.testkit.exact_ring import PRESSURE_PA, RADIUS_M, on_grid, solution
 from tests.testkit.revolution_data import CONDITIONS, OMEGA, exact_wave, make_revolution, settled
 
@@ -109,6 +112,18 @@ def test_force_needs_a_calibration() -> None:
     assert codes_of(result["side_force_n"].reasons) == (ForceCode.NEEDS_SIDE_FORCE_CALIBRATION,)
 
 
+def test_what_scales_the_axis_is_in_shift_and_yaw_but_cancels_in_calibrated_forces() -> None:
+    exact = replace(
+        CONDITIONS, tire=TireData(added=(calibration(),)), claims=SensorClaims(gain_std=0.0, lateral_gain_std=0.0)
+    )
+    sure = follow(4.0, exact)
+    claims = replace(exact.claims, lateral_gain_std=0.06)
+    unsure = follow(4.0, replace(exact, claims=claims, gain_std=0.015, radius_std_m=0.01 * RADIUS_M))
+    for name, share in zip(NAMES, (math.hypot(0.06, 0.015), math.hypot(0.06, 0.015, 0.01), 0.0, 0.0), strict=True):
+        added = math.sqrt(unsure[name].std ** 2 - sure[name].std ** 2)
+        assert added == pytest.approx(share * abs(sure[name].value), rel=1e-6), name
+
+
 def test_other_contact_length_makes_force_provisional() -> None:
     law = calibration()
     elsewhere = replace(law, half_angle_range_rad=(0.1, 0.12))
@@ -186,7 +201,23 @@ def test_without_side_force_friction_is_provisional() -> None:
     given_ = {"longitudinal-force": {"longitudinal_ratio": Estimate("longitudinal_ratio", -0.2, 0.01, Status.VALID)}}
     used = friction(replace(CONDITIONS, given=given_))["friction_used"]
     assert used.value == pytest.approx(0.2)
-    assert codes_of(used.reasons) == (ForceCode.FRICTION_OF_LONGITUDINAL_ONLY,)
+    assert codes_of(used.reasons) == (ForceCode.FRICTION_OF_LONGITUDINAL_ONLY, EstimateCode.NEEDS_ESTIMATOR)
+
+
+def test_friction_says_what_the_side_force_lacks() -> None:
+    whole = given(0.3, 2000.0, -30.0)
+    uncalibrated = Estimate.invalid("side_force_n", Reason(ForceCode.NEEDS_SIDE_FORCE_CALIBRATION))
+    for conditions, code in (
+        (replace(whole, load_n=None), RingCode.NEEDS_LOAD),
+        (replace(whole, given={**whole.given, "side-force": {}}), TrustCode.AXIS_MISSING),
+        (
+            replace(whole, given={**whole.given, "side-force": {"side_force_n": uncalibrated}}),
+            ForceCode.NEEDS_SIDE_FORCE_CALIBRATION,
+        ),
+    ):
+        estimates = friction(conditions)
+        assert codes_of(estimates["friction_used"].reasons) == (ForceCode.FRICTION_OF_LONGITUDINAL_ONLY, code)
+        assert codes_of(estimates["sliding_share"].reasons) == (code,)
 
 
 @pytest.mark.parametrize(("slip_deg", "friction_limit"), [(1.0, 1.0), (4.0, 1.0), (4.0, 0.5), (2.0, 0.5)])

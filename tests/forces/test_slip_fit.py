@@ -8,9 +8,13 @@ import pytest
 
 from gateway.core.errors import CalibrationError
 from gateway.core.estimates.reasons import EstimateCode
+from gateway.core.estimates.sensor_claims import SensorClaims
+from gateway.core.revolutions.sensor_mounting import RollCalibration
 from gateway.forces.reasons import ForceCode
 from gateway.forces.slip_calibration import SlipCalibration
-from gateway.forces.slip_fit import SlipFit, SlipRun, fit_slip_calibration
+from gateway.forces.slip_fit import SlipFit, SlipRun, SlipRunRevolutions, fit_slip_calibration
+from tests.testkit.exact_ring import RADIUS_M, solution
+from tests.testkit.revolution_data import CONDITIONS, exact_wave, make_revolution
 
 DEG = math.radians(1.0)
 PLY, CONE, SHARE, BEND = 0.12 * DEG, -0.03 * DEG, 0.22, 3.0
@@ -60,6 +64,16 @@ def test_both_directions_separate_ply_steer_and_conicity() -> None:
     assert law.ply_steer_std_rad > SHARE * ZERO_STD > 0.5 * law.conicity_std_rad
 
 
+def test_scale_of_the_slopes_has_the_errors_of_the_lateral_gain_and_the_radius() -> None:
+    wave = exact_wave(solution())
+    revolution = replace(make_revolution(wave), axes_mps2=np.stack([wave, wave, wave]))
+    conditions = replace(CONDITIONS, claims=SensorClaims(lateral_gain_std=0.06), gain_std=0.015, radius_std_m=0.003)
+    revolutions = SlipRunRevolutions(RollCalibration())
+    assert all(revolutions.add(revolution, conditions) for _ in range(20))
+    measured = revolutions.run("straight", 0.0, 0.0, is_reverse=False)
+    assert measured.scale_std == pytest.approx(math.hypot(0.06, 0.015, 0.003 / RADIUS_M))
+
+
 def test_forward_runs_do_not_separate_them() -> None:
     law = fitted(FORWARD).calibration
     assert law.ply_steer_rad is None
@@ -99,7 +113,10 @@ def test_slip_of_a_slope_inverts_the_law() -> None:
 
 def test_slope_beyond_the_law_has_no_slip() -> None:
     law = replace(fitted(BOTH).calibration, saturation_prad=10.0)
-    assert all(math.isnan(value) for value in law.slip_at(law.zero_rad + 0.1, 0.0))
+    slip_rad, std_rad = law.slip_at(law.zero_rad + 0.1, 0.0)
+    assert math.isnan(slip_rad)
+    assert math.isnan(std_rad)
+    assert [reason.code for reason in law.outside(0.2, 2e5, slip_rad)] == [ForceCode.SLIP_BEYOND_LAW]
 
 
 def test_ranges_are_those_of_the_runs() -> None:

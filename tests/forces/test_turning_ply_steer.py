@@ -12,12 +12,17 @@ from independent_tire.steady import roll_steadily
 from independent_tire.tires import TIRES
 
 from gateway.core.estimates.estimator import Estimate, Status
+from gateway.core.estimates.results import RevolutionResult
+from gateway.core.quantity import Basis
+from gateway.core.quantity_catalogue import quantity_of
 from gateway.core.reasons import codes_of
 from gateway.forces.lateral_belt import LateralBelt
 from gateway.forces.ply_steer import AHEAD_NAME, LINE_NAME, NAMES
 from gateway.forces.reasons import ForceCode
 from gateway.forces.turning import NAMES as TURNING_NAMES
+from gateway.forces.turning import TurningEstimator
 from gateway.ring.turning_wheel import HubMotion, turning_acceleration
+from tests.testkit.revolution_data import settled
 from tools.generators.lateral_signals import RADIUS_M, Sensor, disturbed, lateral, radial, samples, through_pipeline
 
 SPEED_MPS = 65.0 / 3.6
@@ -32,6 +37,13 @@ def estimates(
     turn_radps: float, camber_radps: float, straights: int, slip_deg: float = 0.0, after: int = 0
 ) -> dict[str, Estimate]:
     """Return the estimates after straights, 60 revolutions of a turn and straights `after` it."""
+    return {each.name: each for each in driven(turn_radps, camber_radps, straights, slip_deg, after)[-1].estimates}
+
+
+@cache
+def driven(
+    turn_radps: float, camber_radps: float, straights: int, slip_deg: float, after: int = 0
+) -> list[RevolutionResult]:
     ring = radial()
     straight, turned = lateral(ring), lateral(ring, LateralBelt(), math.radians(slip_deg))
     parts = [part for part in ((straights, straight), (60, turned), (after, straight)) if part[0]]
@@ -44,8 +56,7 @@ def estimates(
     motion = HubMotion(turn_radps=turn_radps, camber_radps=camber_radps, left_mps2=SPEED_MPS * turn_radps)
     values += moves[:, np.newaxis] * turning_acceleration(phase, omega, RADIUS_M, motion)
     values[:, 1] += moves * SPEED_MPS * turn_radps
-    results = through_pipeline(values, SENSOR, ["ply-steer", "turning"])
-    return {estimate.name: estimate for estimate in results[-1].estimates}
+    return through_pipeline(values, SENSOR, ["ply-steer", "turning"])
 
 
 @pytest.mark.parametrize("name", PLY_STEER)
@@ -162,6 +173,38 @@ def test_a_curve_that_a_recording_begins_in_is_no_straight(turn_radps: float, sl
     errors = pulls(40.0, {-1.0: -1.0, 6.0: 1.0, 13.0: 1.0, 17.0: -1.0, 23.0: -1.0, 29.0: 1.0}, turn_radps, slip_deg)
     assert len(errors["turn_rate_radps"]) >= least
     assert np.max(np.abs(errors["turn_rate_radps"]), initial=0.0) < 3.5
+
+
+@pytest.mark.parametrize(
+    ("turn_radps", "camber_radps", "names"),
+    [(0.3, 0.0, (*TURNING_NAMES[:2], TURNING_NAMES[3])), (0.0, 0.05, TURNING_NAMES[2:3])],
+)
+def test_a_wrong_radius_or_rate_changes_the_turn_as_declared_and_as_its_error_says(
+    turn_radps: float, camber_radps: float, names: tuple[str, ...]
+) -> None:
+    results = driven(turn_radps, camber_radps, 60, 0.0)
+    average = settled(results[0].revolution)
+
+    def last(radius: float = 1.0, rate: float = 1.0, radius_std_m: float = 0.0) -> dict[str, Estimate]:
+        estimator, estimates = TurningEstimator(), ()
+        for result in results:
+            of = result.revolution
+            conditions = replace(result.conditions, radius_m=radius * RADIUS_M, radius_std_m=radius_std_m)
+            revolution = replace(
+                of, omega_radps=rate * of.omega_radps, period_s=of.period_s / rate, omega_dot_radps2=0.0
+            )
+            estimates = estimator.update(revolution, average, conditions)
+        return {estimate.name: estimate for estimate in estimates}
+
+    right, unsure = last(), last(radius_std_m=0.02 * RADIUS_M)
+    wrong = {Basis.RADIUS: last(radius=1.02), Basis.RATE: last(rate=1.02)}
+    for name in names:
+        value, powers = right[name].value, quantity_of(name).powers
+        for basis, estimates in wrong.items():
+            power = math.log(estimates[name].value / value) / math.log(1.02)
+            assert power == pytest.approx(powers.get(basis, 0.0), abs=0.05), (name, basis)
+        by_radius = math.sqrt(unsure[name].std ** 2 - right[name].std ** 2)
+        assert by_radius == pytest.approx(0.02 * abs(powers.get(Basis.RADIUS, 0.0) * value), abs=1e-9), name
 
 
 def test_straight_driving_has_no_radius() -> None:

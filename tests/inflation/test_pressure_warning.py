@@ -65,6 +65,10 @@ def test_loss_of_a_fifth_is_a_fast_or_a_slow_one():
     slow = [wheel(gauge_pa(250.0, 10.0, 50.0, 0.21), 50.0)] * 60
     ((at_s, alarm),) = watch(Placard(250e3, temperature_degc=10.0), slow)
     assert (at_s, alarm.reason["course"]) == (10.0, "slow")
+    # Nothing is said of the 10 s that were seen.
+    assert text(alarm.reason).endswith("; no fast loss was seen: inflate the tire")
+    within = Reason(alarm.reason.code, **{**dict(alarm.reason.values), "course": "fast", "span_s": 20.0})
+    assert "within 0.3 min of driving" in text(within)
 
 
 def test_warning_of_a_puncture_has_the_present_pressure_for_as_long_as_it_lasts():

@@ -185,7 +185,7 @@ def test_figures_of_few_revolutions_say_how_many():
     for count in (3, 5):
         wheel = MeasuredWheel(f"W{count}", GridConditions())
         for index in range(count):
-            wheel.add(replace(revolution, index=index), CONDITIONS, [])
+            wheel.add(replace(revolution, index=index, follows=True), CONDITIONS, [])
         tires.append(wheel.tire())
     caption = measured_figures(tires, ["ring-fig-7"])[0]["ring-fig-7"](Figure())
     assert "over 5 revolutions, where white noise alone has 20.0 %" in caption

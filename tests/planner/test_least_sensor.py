@@ -13,8 +13,18 @@ from gateway.core.errors import ConfigError
 from gateway.planner import least_sensor
 from gateway.planner.accelerometer import Accelerometer
 from gateway.planner.commands.wanted_errors import parse_speeds_mps, parse_want
-from gateway.planner.least_sensor import NOISES_MG_RTHZ, WorstError, better_statements, largest_noise, least_sensors
+from gateway.planner.least_sensor import (
+    NOISES_MG_RTHZ,
+    LeastSensor,
+    WorstError,
+    better_statements,
+    drives_of,
+    largest_noise,
+    least_sensors,
+    reaching_parts,
+)
 from gateway.planner.planned_errors import driven
+from gateway.planner.views.sensor_plan import parts_line
 from gateway.planner.wants import Want
 from gateway.simulator.scenario import load_scenario
 from tests.testkit.commands import invoked
@@ -91,6 +101,20 @@ def test_sensor_that_is_given_reaches_the_error_and_a_noisier_one_does_not(monke
     assert errors[0] <= want.error < errors[1]
 
 
+def test_parts_that_are_listed_reach_the_error_with_what_their_data_sheets_say():
+    least = LeastSensor(2000.0, 100.0, 10.0, WorstError("Cw", 60.0 / 3.6, 3.6e-3, 3.9e-3))
+    exact = Accelerometer(name="exact", range_g=200.0, rate_hz=3200.0, noise_mg_rthz=5.0)
+    parts = [
+        exact,
+        exact.model_copy(update={"name": "unknown", "noise_mg_rthz": None}),
+        exact.model_copy(update={"name": "zero", "zero_g_offset_g": 2.0}),
+        exact.model_copy(update={"name": "slow", "rate_hz": 1600.0}),
+    ]
+    drive = drives_of(load_scenario("lab"), revolutions=20, wheels=1)
+    found = reaching_parts(least, parts, [Want("Cw", 6e-3)], [60.0 / 3.6], 20, drive)
+    assert parts_line(found).split(": ")[1] == "exact, unknown (noise unknown)"
+
+
 def printed(scenario, range_g: float, noise_mg_rthz: float, speed_mps: float) -> float:
     sensor = Accelerometer(name="mine", range_g=range_g, rate_hz=4000.0, noise_mg_rthz=noise_mg_rthz)
     _, drives = driven(scenario, sensor, speed_mps, wheels=3, revolutions=20)
@@ -127,3 +151,9 @@ def test_command_says_what_is_not_reached(tmp_path, monkeypatch):
     (row,) = json.loads(out.read_text())
     assert row["noise_mg_rthz"] is None
     assert row["worst"]["error"] > row["worst"]["wanted"]
+
+
+def test_speed_is_refused_where_the_errors_wanted_have_their_own():
+    done = invoked("plan", "lab", "--want", "Ts=5%", "--speed", "80")
+    assert done.exit_code == 2
+    assert "leave out --speed" in done.output

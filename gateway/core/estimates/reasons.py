@@ -54,9 +54,7 @@ class EstimateCode(Codes):
         "the load is {angle_n:.0f N} by the contact angle and {width_n:.0f N} by the contact width number (Cw): the "
         "error includes the difference"
     )
-    NEEDS_ESTIMATOR = Code(
-        "needs the estimator {estimator}, which made the reference numbers: add --estimator {estimator}"
-    )
+    NEEDS_ESTIMATOR = Code("needs the estimator {estimator}: add --estimator {estimator}")
     NEEDS_LOAD_CALIBRATION = Code(
         "the load is not calibrated: `treadlink calibrate` makes tire.load_calibration of the vehicle file"
     )

@@ -16,7 +16,7 @@ from gateway.core.estimates.results import RevolutionResult
 from gateway.core.session.session_parts import RigChannels
 from gateway.forces.commands.calibration_runs import read_runs, rig_mean, run_name
 from gateway.forces.known_runs import ForceRunsFile, ForceRunTable, check_pressure
-from gateway.forces.side_force import HORIZON_REVOLUTIONS
+from gateway.forces.side_force import HORIZON_REVOLUTIONS, scale_stds
 from gateway.forces.side_force_calibration import LinearLaw, SideForceCalibration, fit_linear_law
 from gateway.forces.tire_tables import SideForceCalibrationTable
 
@@ -36,7 +36,7 @@ class ForceRun:
     Attributes:
         name: shown to the user.
         table: the run as stated.
-        shifts: estimates of the shift, one for each valid revolution.
+        shifts: estimates of the shift, one for each valid revolution, without the errors of its scale.
         yaws: of the yaw.
         halves_rad: contact half angles.
         turns: position, begin by the hub's time and duration of each, s.
@@ -68,8 +68,11 @@ class ForceRun:
         self.averaged += 1
         if self.table.from_s and self.averaged <= _REMEMBERED:
             return
-        self.shifts.append(shift)
-        self.yaws.append(yaw)
+        for estimates_of, estimate, scale_std in zip(
+            (self.shifts, self.yaws), (shift, yaw), scale_stds(result.conditions), strict=True
+        ):
+            variance = estimate.std**2 - (scale_std * estimate.value) ** 2
+            estimates_of.append(estimate._replace(std=math.sqrt(max(variance, estimate.scatter_std**2))))
         self.halves_rad.append(0.5 * (result.revolution.trailing_edge_rad - result.revolution.leading_edge_rad))
         self.turns.append((result.position, result.revolution.start_s, result.revolution.period_s))
         if result.conditions.pressure_pa is not None:
@@ -150,8 +153,9 @@ def fit_side_force(runs: Sequence[ForceRun], stated: ForceRunsFile) -> SideForce
 def _mean(estimates: Sequence[Estimate]) -> tuple[float, float]:
     """Return the mean of independent values of a running mean, and its standard error."""
     chosen = estimates[::-_STRIDE]
-    values = float(np.mean([estimate.value for estimate in chosen]))
-    return values, float(np.mean([estimate.std for estimate in chosen])) / math.sqrt(len(chosen))
+    value, constant_std = np.mean([(estimate.value, estimate.constant_std) for estimate in chosen], axis=0).tolist()
+    scatter_std = math.sqrt(sum(estimate.scatter_std**2 for estimate in chosen)) / len(chosen)
+    return value, math.hypot(constant_std, scatter_std)
 
 
 def _fit(

@@ -107,11 +107,14 @@ def plan(
     from gateway.core.text.progress import progress_view
     from gateway.planner.accelerometer import parse_accelerometers, shipped_accelerometers
     from gateway.planner.commands.wanted_errors import parse_speeds_mps, parse_want
-    from gateway.planner.least_sensor import better_statements, least_sensors
+    from gateway.planner.least_sensor import better_statements, drives_of, least_sensors, reaching_parts
     from gateway.planner.planned_errors import plan_sensor, tire_at
     from gateway.planner.views.sensor_plan import least_json, least_line, parts_line, plan_json, plan_lines
     from gateway.simulator.scenario import load_scenario
 
+    source = click.get_current_context().get_parameter_source("speeds_kmh")
+    if want_texts and source is click.core.ParameterSource.COMMANDLINE:
+        raise click.UsageError("--want has its speeds by --at: leave out --speed.")
     check_outputs((json_path,), (sensors_path, Path(scenario)), force=force)
     if sensors_path is None:
         listed = shipped_accelerometers()
@@ -126,6 +129,7 @@ def plan(
         wants = [parse_want(text, truths) for text in want_texts]
         sensors = []
         improved, advice = better_statements(loaded, wants, speeds_mps, revolutions=int(after))
+        drive = drives_of(loaded, revolutions=int(after), wheels=wheels or 3, seed=seed, better=improved)
         for line in advice:
             output(f"state better: {line}")
         with progress_view() as view:
@@ -141,10 +145,11 @@ def plan(
                 on_share=bar.show,
             ):
                 sensors.append(sensor)
+                parts = reaching_parts(sensor, chosen, wants, speeds_mps, int(after), drive)
                 with view.hidden():
                     output(least_line(sensor))
                     if sensor.reached:
-                        output(parts_line(sensor, chosen))
+                        output(parts_line(parts))
         document, has_result = least_json(sensors), any(sensor.reached for sensor in sensors)
     else:
         plans = []

@@ -13,7 +13,7 @@ from gateway.core.text.wording import joined
 from gateway.planner.accelerometer import Accelerometer
 from gateway.planner.least_sensor import LeastSensor, WorstError
 from gateway.planner.link_load import LinkLoad, PowerModel, link_load
-from gateway.planner.planned_errors import PlannedError, SensorPlan, sampling_rate_hz
+from gateway.planner.planned_errors import PlannedError, SensorPlan
 
 
 def plan_lines(plan: SensorPlan, power: PowerModel | None = None, columns: int = WIDEST) -> Iterator[str]:
@@ -84,15 +84,9 @@ def _worst(worst: WorstError) -> str:
     return f"{label} at {3.6 * worst.speed_mps:g} km/h: {text}"
 
 
-def parts_line(least: LeastSensor, parts: Sequence[Accelerometer]) -> str:
-    """Return which parts have the rate and the range of what is needed, and a noise that is small enough or unknown."""
-    names = [
-        f"{part.name} (noise unknown)" if part.missing() else part.name
-        for part in parts
-        if part.range_g >= least.range_g
-        and sampling_rate_hz(part) >= least.rate_hz
-        and (part.noise_mg_rthz or 0.0) <= least.noise_mg_rthz
-    ]
+def parts_line(parts: Sequence[Accelerometer]) -> str:
+    """Return which parts reach the errors, some if their unknown noise is small enough."""
+    names = [f"{part.name} (noise unknown)" if part.missing() else part.name for part in parts]
     return f"           parts: {', '.join(names) or 'none of the list'}"
 
 
