@@ -183,8 +183,12 @@ class CoreCode(Codes):
     FROM_SENSOR = Code("measured by the sensor")
     ROW_FEW_VALID = Code("only {count} of {of} revolutions give a valid value")
     TREND_CONTACT_CHANGED = Code(
-        "since {date}, {name:series} is {change:+.3g}{unit: } ± {std:.2g}{unit: } from its earlier trend, by the load, "
-        "the stiffness, or a pressure that is not measured: {count} recordings, {first} to {last}"
+        "since {date}, {name:series} is {change:+.3g}{unit: } ± {std:.2g}{unit: } from its earlier trend, by {by}: "
+        "{count} recordings, {first} to {last}",
+        by={
+            "measured": "the load or the stiffness",
+            "unmeasured": "the load, the stiffness, or a pressure that is not measured",
+        },
     )
     TREND_LEVEL_CHANGED = Code(
         "since {date}, {name:series} is {change:+.3g}{unit: } ± {std:.2g}{unit: } from its earlier trend: {count} "

@@ -29,7 +29,7 @@ from gateway.fleet.trends.regression import LEAST_FREEDOM
 from gateway.fleet.trends.sensor_trend import add_sensor
 from gateway.fleet.trends.shared_load import with_one_load
 from gateway.fleet.trends.stated_changes import findings_of_changes, places_of, stated_changes
-from gateway.fleet.trends.structure_trend import RAMPS, STEPS_APART, StructureChange, structure_change
+from gateway.fleet.trends.structure_trend import RAMPS, STEPS_APART, StructureChange, structure_changes
 from gateway.fleet.trends.tire_history import TireHistory
 from gateway.fleet.trends.tire_lines import TireWork
 from gateway.fleet.trends.tire_trends import add_load, add_rate, add_stiffness, add_wear
@@ -77,8 +77,10 @@ def analyse(
         for reading, cold in zip(readings, colds, strict=True)
     ]
     trends = [
-        _trend_of(TireWork(tire, family, reading, stated_changes(tire), cold))
-        for tire, reading, cold in zip(tires, readings, without_common(tires, colds, stuck), strict=True)
+        _trend_of(TireWork(tire, family, reading, stated_changes(tire), cold), structure)
+        for tire, reading, cold, structure in zip(
+            tires, readings, without_common(tires, colds, stuck), structure_changes(tires), strict=True
+        )
     ]
     moves = findings_of_moves(tires)
     return FleetTrends(
@@ -157,7 +159,7 @@ def _fall(km: FloatArray, wear: FloatArray) -> int | None:
     return begin if fall >= NEW_TIRE_MM and squares(step) < bent_squares else None
 
 
-def _trend_of(tire: TireWork) -> tuple[TireTrend, TireWork]:
+def _trend_of(tire: TireWork, structure: StructureChange | None) -> tuple[TireTrend, TireWork]:
     history = tire.history
     # What the wear follows comes first, what is graver is told first.
     add_load(tire)
@@ -176,7 +178,7 @@ def _trend_of(tire: TireWork) -> tuple[TireTrend, TireWork]:
     findings = with_causes([_dated(history, finding) for finding in tire.findings], tire.onsets)
     findings += findings_of_changes(history, tire.changes)
     findings += tire.readings.findings
-    findings += _structure_findings(history)
+    findings += _structure_findings(history, structure)
     has_steady_drift = any(
         finding.series and Basis.GAIN in SERIES[finding.series].watch.explains for finding in tire.findings
     )
@@ -215,9 +217,8 @@ def _dated(history: TireHistory, finding: Finding) -> Finding:
     return finding._replace(reason=Reason(finding.reason.code, **values))
 
 
-def _structure_findings(history: TireHistory) -> list[Reason]:
+def _structure_findings(history: TireHistory, change: StructureChange | None) -> list[Reason]:
     """Return the finding of a structure that changes, where there is one."""
-    change = structure_change(history)
     if change is None:
         return []
     return [

@@ -120,7 +120,7 @@ def _largest_step(tire: TireWork, name: str, line: TrendLine) -> Finding:
     sizes = [size_of_step(line, number) for number in range(len(line.steps))]
     largest = int(np.argmax([abs(size) for size, _ in sizes]))
     begin, end = line.steps[largest], min([*line.steps[largest + 1 :], len(line.values)])
-    step = reason_of_change(SERIES[name].watch.level, tire.history, name, line, sizes[largest], begin, end)
+    step = reason_of_change(SERIES[name].watch.level, tire, name, line, sizes[largest], begin, end)
     return Finding(step, name, relative_change(name, line, begin, sizes[largest]))
 
 
@@ -160,7 +160,7 @@ def _steady_value(tire: TireWork, line: TrendLine) -> Iterator[Finding]:
                 yield Finding(Reason(code, **{value: size}, std=size_std), name)
             else:
                 scaled, begin = (watch.factor * size, watch.factor * size_std), steps[parted.begin]
-                reason = reason_of_change(watch.level, history, name, line, scaled, begin, len(line.values))
+                reason = reason_of_change(watch.level, tire, name, line, scaled, begin, len(line.values))
                 yield Finding(reason, name, Change(places[parted.begin]))
     elif abs(change) > finding_quantile(line) * std and (abs(share) > least_gain or abs(as_zero_mps2) > zero.notable):
         steady = Reason(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
-from gateway.core.reasons import Reason
+from gateway.core.reasons import CoreCode, Reason
 from gateway.fleet.trends.trend_result import TireTrend
 
 _LOAD: Final = "estimated_load_n"
@@ -42,7 +42,9 @@ def with_one_load(tires: Sequence[TireTrend]) -> tuple[TireTrend, ...]:
 
 def _is_load(finding: Reason) -> bool:
     values = dict(finding.values)
-    return values.get("name") == _LOAD and {"since_s", "change"} <= values.keys()
+    # Of what lengthens a contact at one time, several wheels share the load, or a pressure that none measures.
+    is_load = values.get("name") == _LOAD or finding.code is CoreCode.TREND_CONTACT_CHANGED
+    return is_load and {"since_s", "change"} <= values.keys()
 
 
 def _is_same(one: Reason, other: Reason) -> bool:
@@ -51,4 +53,4 @@ def _is_same(one: Reason, other: Reason) -> bool:
         for finding in (one, other)
     )
     limit_s = _SAME_DATE_STDS * max(math.hypot(std_s, other_std_s), _LEAST_STD_S)
-    return change * other_change > 0.0 and abs(since_s - other_since_s) <= limit_s
+    return one["name"] == other["name"] and change * other_change > 0.0 and abs(since_s - other_since_s) <= limit_s

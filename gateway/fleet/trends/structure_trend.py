@@ -3,10 +3,12 @@
 The sensor is glued to the tire, so that the angle of its contact is an angle of the tire, revolution by revolution and
 recording by recording. A place of the belt, the tread or the rim that differs is in the contact when the sensor is at
 the same angle each time, and the waves that it sends on stand in the average there. In the short waves far from the
-sensor's contact, load, pressure, speed and even wear leave next to nothing: what they leave is fitted and taken away.
+sensor's contact, load, pressure, speed and even wear leave next to nothing. What conditions leave is fitted and taken
+away; even wear grows with time as a local change may, but with one shape at all wheels of a fleet, which is taken away.
 Another sensor begins another tire, whose angles are others.
 """
 
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -32,6 +34,8 @@ _LEAST_FREEDOM: Final = 10
 _LEAST_AFTER: Final = 3
 STEPS_APART: Final = 3
 RAMPS: Final = (0.0, 0.25, 0.5, 0.75)
+# Other tires from which their median growth is that of even wear: a local change of one leaves it as it is.
+_LEAST_OTHERS: Final = 3
 # Part of a course that must be independent of the conditions.
 _LEAST_SHARE: Final = 0.3
 # Orders of recordings by chance that the course is compared with, and standard deviations beyond their mean: healthy
@@ -61,8 +65,35 @@ class StructureChange(NamedTuple):
     scatter: float
 
 
+class _Waves(NamedTuple):
+    """Recordings (n,) with a waveform, a basis (n, p) of their conditions, and the waves (n, angles) beside these."""
+
+    rows: IntArray
+    base: FloatArray
+    waves: FloatArray
+
+
+def structure_changes(histories: Sequence[TireHistory]) -> list[StructureChange | None]:
+    """Return how the waveform of each tire changes beside its conditions, and beside how those of the others grow."""
+    waves = [_waves_of(history) for history in histories]
+    growths = [None if of is None else _growth(history, of) for history, of in zip(histories, waves, strict=True)]
+    changes: list[StructureChange | None] = []
+    for number, (history, found) in enumerate(zip(histories, waves, strict=True)):
+        others = [growth for other, growth in enumerate(growths) if growth is not None and other != number]
+        shape = np.median(others, axis=0) if len(others) >= _LEAST_OTHERS else np.zeros(len(_FAR_ANGLES_RAD))
+        if found is not None and np.any(shape):
+            shape /= np.linalg.norm(shape)
+            found = found._replace(waves=found.waves - np.outer(found.waves @ shape, shape))
+        changes.append(None if found is None else _change(history, found))
+    return changes
+
+
 def structure_change(history: TireHistory) -> StructureChange | None:
     """Return how the waveform of a tire changes beside its conditions, None where it does not or recordings are few."""
+    return structure_changes([history])[0]
+
+
+def _waves_of(history: TireHistory) -> _Waves | None:
     orders = history.columns.get("average_orders")
     if orders is None:
         return None
@@ -75,14 +106,25 @@ def structure_change(history: TireHistory) -> StructureChange | None:
     if len(rows) - columns.shape[1] - 1 < _LEAST_FREEDOM:
         return None
     base = np.linalg.qr(columns)[0]
-    waves = _without(base, _far_waveforms(orders[rows]))
+    return _Waves(rows, base, _without(base, _far_waveforms(orders[rows])))
+
+
+def _growth(history: TireHistory, waves: _Waves) -> FloatArray:
+    """Return (angles,) by how much the waveform grows from the first recording to the last."""
+    months = history.months[waves.rows]
+    alone = _without(waves.base, months)
+    return np.asarray(np.ptp(months) * (alone @ waves.waves) / max(float(alone @ alone), 1e-12), dtype=np.float64)
+
+
+def _change(history: TireHistory, found: _Waves) -> StructureChange | None:
+    rows, base, waves = found
     scatters = np.sqrt(np.mean(waves**2, axis=1, keepdims=True))
-    waves *= np.minimum(1.0, _MOST_SCATTERS * np.median(scatters) / np.maximum(scatters, 1e-12))
+    waves = waves * np.minimum(1.0, _MOST_SCATTERS * np.median(scatters) / np.maximum(scatters, 1e-12))
     courses, onsets = _courses(history.months[rows])
     residual = _without(base, courses)
     usable = np.linalg.norm(residual, axis=0) > _LEAST_SHARE * np.linalg.norm(courses - courses.mean(axis=0), axis=0)
     courses, onsets, residual = courses[:, usable], onsets[usable], residual[:, usable]
-    freedom = len(rows) - columns.shape[1] - 1
+    freedom = len(rows) - base.shape[1] - 1
     if not courses.size or not np.any(waves):
         return None
     normed = residual / np.linalg.norm(residual, axis=0)

@@ -9,7 +9,7 @@ import numpy as np
 
 from gateway.core.estimates.wear import bending_left
 from gateway.core.quantity import Basis, Trend, Watch
-from gateway.core.reasons import Code, Reason
+from gateway.core.reasons import Code, CoreCode, Reason, Value
 from gateway.core.types import FloatArray, IntArray
 from gateway.fleet.reasons import FleetCode
 from gateway.fleet.trends.causes import Change, Finding
@@ -315,7 +315,7 @@ def _findings_of_line(tire: TireWork, name: str, line: TrendLine) -> Iterator[Fi
         lowest = float(np.abs(fit.residuals[begin:end] / scale).min()) if fit.scale > 0.0 else math.inf
         reason = Reason(FleetCode.TREND_PASSED, name=name, deviations=lowest, **part_of_line(history, line, begin, end))
         yield Finding(reason, name, relative_change(name, line, begin, size_of_run(line, begin, end)))
-    yield from _load_findings(history, name, line)
+    yield from _load_findings(tire, name, line)
     yield from _pressure_findings(tire, name, line)
     for number, begin in enumerate(line.steps):
         size, std = size_of_step(line, number)
@@ -327,7 +327,7 @@ def _findings_of_line(tire: TireWork, name: str, line: TrendLine) -> Iterator[Fi
         is_certain = abs(size) > finding_quantile(line) * std
         if abs(size) >= watch.notable and is_certain and size * (watch.worse or size) > 0.0:
             end = min([step for step in line.steps if step > begin], default=len(line.values))
-            changed = reason_of_change(watch.level, history, name, line, (size, std), begin, end)
+            changed = reason_of_change(watch.level, tire, name, line, (size, std), begin, end)
             yield Finding(changed, name, relative_change(name, line, begin, (size, std)))
     if line.change is not None and (newest := _newest_change(tire, name, line, line.change)) is not None:
         yield newest
@@ -341,14 +341,14 @@ def _is_passage(line: TrendLine, begin: int, end: int) -> bool:
     return size * float(line.fit.residuals[begin]) < 0.0
 
 
-def _load_findings(history: TireHistory, name: str, line: TrendLine) -> Iterator[Finding]:
+def _load_findings(tire: TireWork, name: str, line: TrendLine) -> Iterator[Finding]:
     """Yield what steps of the load make of a series: named with it, unless it is more than follows; wear is none."""
     watch = SERIES[name].watch
     for column in range(line.of_load.start, line.of_load.stop if name != "wear_mm" else 0):
         begin = int(np.flatnonzero(line.design[:, column])[0])
         size, std = combination(line, np.eye(line.design.shape[1])[column])
         if abs(size) >= watch.notable and abs(size) > finding_quantile(line) * std:
-            changed = reason_of_change(watch.level, history, name, line, (size, std), begin, len(line.values))
+            changed = reason_of_change(watch.level, tire, name, line, (size, std), begin, len(line.values))
             yield Finding(changed, name, relative_change(name, line, begin, (size, std)))
 
 
@@ -363,7 +363,7 @@ def _pressure_findings(tire: TireWork, name: str, line: TrendLine) -> Iterator[F
         contrast[line.of_pressure] = change.log_ratio
         size, std = combination(line, contrast)
         if abs(size) >= watch.notable and abs(size) > finding_quantile(line) * std:
-            changed = reason_of_change(watch.level, tire.history, name, line, (size, std), begin, len(line.values))
+            changed = reason_of_change(watch.level, tire, name, line, (size, std), begin, len(line.values))
             yield Finding(changed, name, relative_change(name, line, begin, (size, std)))
 
 
@@ -386,7 +386,7 @@ def _newest_change(tire: TireWork, name: str, line: TrendLine, change: LateChang
         changed = _changed_rate(history, name, line, change, abs(size) >= watch.notable)
     elif abs(size) >= watch.notable:
         code = FleetCode.TREND_SLOPE_CHANGED if change.is_slope else watch.level
-        changed = reason_of_change(code, history, name, line, (size, std), change.begin, len(line.values))
+        changed = reason_of_change(code, tire, name, line, (size, std), change.begin, len(line.values))
     else:
         changed = None
     return None if changed is None else Finding(changed, name, relative_change(name, line, change.begin, (size, std)))
@@ -420,13 +420,18 @@ def _changed_rate(
 
 
 def reason_of_change(
-    code: Code, history: TireHistory, name: str, line: TrendLine, size: tuple[float, float], begin: int, end: int
+    code: Code, tire: TireWork, name: str, line: TrendLine, size: tuple[float, float], begin: int, end: int
 ) -> Reason:
     """Return the finding of a change; that of a logarithm as a share of the value itself."""
     (change, std), watch = size, SERIES[name].watch
     if watch.is_logarithm:
         change, std = 100.0 * math.expm1(change / 100.0), std * math.exp(change / 100.0)
-    return Reason(code, name=name, change=change, std=std, unit=watch.unit, **part_of_line(history, line, begin, end))
+    cause: dict[str, Value] = {}
+    if code is CoreCode.TREND_CONTACT_CHANGED:
+        is_measured = (tire.history.column("pressure_measured") > 0.0) & np.isfinite(tire.readings.pressure_pa)
+        cause["by"] = "measured" if is_measured[line.places].all() else "unmeasured"
+    part = part_of_line(tire.history, line, begin, end)
+    return Reason(code, name=name, change=change, std=std, unit=watch.unit, **cause, **part)
 
 
 def _outlier(history: TireHistory, name: str, unit: str, line: TrendLine, fit: Fit, number: int) -> TrendOutlier:

@@ -4,12 +4,14 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
-from gateway.core.reasons import Reason, Value
+from gateway.core.quantity import Basis
+from gateway.core.reasons import CoreCode, Reason, Value
 from gateway.core.text.text import clean
 from gateway.core.text.wording import text
 from gateway.fleet.reasons import FleetCode
 from gateway.fleet.trends.marked_findings import finding_key, size_of
 from gateway.fleet.trends.trend_result import TireTrend
+from gateway.fleet.trends.watched_series import SERIES
 from gateway.fleet.views.trend_tables import day, tire_name, tires_text
 
 # In the order of their urgency.
@@ -35,6 +37,20 @@ _STEPS: Final = {
 _STEP_OF: Final = {
     getattr(FleetCode, f"TREND_{name}"): step for step, names in _STEPS.items() for name in names.split()
 }
+
+
+def _step_of(finding: Reason) -> str:
+    """Return what to do about a finding, a change of a level by what its series is of; empty where nothing is."""
+    series = SERIES.get(str(dict(finding.values).get("name")))
+    code = finding.code
+    if series is not None and code in (CoreCode.TREND_LEVEL_CHANGED, CoreCode.TREND_CONTACT_CHANGED):
+        if series.watch.drift is not None:
+            code = series.watch.drift[0]
+        elif Basis.PRESSURE in series.watch.explains:
+            code = FleetCode.TREND_PRESSURE_FELL
+        else:
+            code = FleetCode.TREND_WEAR_CHANGED if series.name == "wear_mm" else FleetCode.TREND_SLOPE_CHANGED
+    return _STEP_OF.get(code, "")
 
 
 # Multiples of its error beyond which more say nothing.
@@ -71,7 +87,7 @@ def finding_rows(tires: Sequence[TireTrend]) -> list[FindingRow]:
             by_key.setdefault(finding_key(tire, finding), []).append(finding)
         for key, findings in by_key.items():
             last, suffix = findings[-1], f" (and {len(findings) - 1} more)" if len(findings) > 1 else ""
-            values, step = dict(last.values), _STEP_OF.get(last.code, "")
+            values, step = dict(last.values), _step_of(last)
             sentence = f"{clean(text(last))}{suffix}"
             rows.append(FindingRow(tire_name(tire), sentence, _since(tire, values), _sure(last, values), step, key))
     urgency = list(_STEPS)
@@ -114,6 +130,6 @@ def trend_steps(tires: Sequence[TireTrend]) -> list[TrendStep]:
     """Return one step for each remedy that the findings of any tire need."""
     names: dict[str, list[str]] = {step: [] for step in _STEPS}
     for tire in tires:
-        for step in dict.fromkeys(_STEP_OF[finding.code] for finding in tire.findings if finding.code in _STEP_OF):
+        for step in dict.fromkeys(filter(None, map(_step_of, tire.findings))):
             names[step].append(tire_name(tire))
     return [TrendStep(tires_text(of_step, len(tires)), step) for step, of_step in names.items() if of_step]

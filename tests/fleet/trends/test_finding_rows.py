@@ -90,3 +90,15 @@ def test_units_of_the_vehicle_files_hold_for_trends_and_their_files_keep_si():
     assert "kPa" not in page
     assert "psi" not in str(trends_json(trends))
     assert b"psi" not in trends_csv(trends)
+
+
+@pytest.mark.parametrize(
+    ("name", "step"),
+    [("noise_mps2", "fastening"), ("wear_mm", "tread depth"), ("estimated_load_n", "load"), ("Cw", "inspect")],
+)
+def test_change_of_a_level_has_the_step_of_its_series(name: str, step: str):
+    tire = history(3, 60, vehicle="van 7")
+    after = np.arange(60) >= 37
+    tire.columns[name][:] = tire.columns[name] + 2.0 * after if name == "wear_mm" else tire.columns[name] * 4.0**after
+    rows = finding_rows(analyse([tire], recordings=60).tires)
+    assert any(step in row.step for row in rows if "from its earlier trend" in row.said)

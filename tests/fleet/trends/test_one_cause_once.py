@@ -69,6 +69,20 @@ def test_load_of_the_vehicle_is_told_once():
     assert [len(tire.findings) for tire in tires] == [1, 0, 0, 1]
 
 
+@pytest.mark.parametrize("is_measured", [True, False])
+def test_contact_that_a_load_lengthens_at_several_wheels_is_told_once(is_measured):
+    step = np.where(INDEX >= 37, 1.25, 1.0)
+    wheels = [tire_with(seed, position, contact_length_m=step) for seed, position in enumerate(("FL", "FR", "RL"))]
+    for wheel in wheels:
+        wheel.columns["estimated_load_n"][:] = np.nan
+        wheel.columns["pressure_measured"][:] = is_measured
+    findings = [finding for tire in analyse(wheels, recordings=3 * COUNT).tires for finding in tire.findings]
+    (said,) = [text(finding) for finding in findings]
+    assert said.endswith("; likewise at FR, RL")
+    assert ("a pressure that is not measured" in said) is not is_measured
+    assert "by the load" in said
+
+
 @pytest.mark.parametrize("begin", [22, 33, 41])
 def test_step_of_a_load_that_persons_scatter_is_found_and_names_what_follows(begin):
     rng = np.random.default_rng(begin)

@@ -8,7 +8,7 @@ import pytest
 from gateway.core.text.wording import text
 from gateway.fleet.reasons import FleetCode
 from gateway.fleet.trends.fleet_analysis import analyse
-from gateway.fleet.trends.structure_trend import FIRST_ORDER, LAST_ORDER, structure_change
+from gateway.fleet.trends.structure_trend import FIRST_ORDER, LAST_ORDER, structure_change, structure_changes
 from gateway.fleet.trends.tire_history import TireHistory
 from tests.testkit.tire_histories import history
 
@@ -58,6 +58,20 @@ def test_change_that_is_the_conditions_own_is_none():
     parts = tire.columns["average_orders"][np.argsort(tire.column("contact_length_m"))]
     changed = {**tire.columns, "contact_length_m": months, "average_orders": parts}
     assert structure_change(replace(tire, columns=changed)) is None
+
+
+def test_growth_that_all_wheels_have_is_no_change_of_one():
+    worn = [with_waves(seed, 0.02, GROWING) for seed in range(4)]
+    local = with_waves(9, 0.02, GROWING, place_rad=-2.0).columns["average_orders"]
+    fixed = with_waves(9, 0.0, GROWING).columns["average_orders"]
+    parts = worn[3].columns["average_orders"] + local - fixed
+    bad = replace(worn[3], columns={**worn[3].columns, "average_orders": parts})
+    assert None not in [structure_change(tire) for tire in worn]
+    assert structure_changes(worn) == [None] * 4
+    *healthy, change = structure_changes([*worn[:3], bad])
+    assert healthy == [None] * 3
+    assert change is not None
+    assert change.share == pytest.approx(0.02 / np.sqrt(2.0), rel=0.3)
 
 
 def test_few_or_missing_waveforms_say_nothing():

@@ -98,7 +98,7 @@ def test_lines_are_clean_and_name_outliers(trends):
     assert all(line.isprintable() for line in lines)
     assert any("leaks, 220 kPa to 188 kPa" in line for line in lines)
     assert any("2 of 80 recordings" in line for line in lines)
-    assert any("_0030.mcap: Bs +" in line for line in lines)
+    assert any("_0030.mcap: " in line and " FL 0000a000 Bs +" in line for line in lines)
 
 
 def test_notes_of_the_page_name_their_tires(trends):
