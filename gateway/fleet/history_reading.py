@@ -40,8 +40,9 @@ _PLAIN: Final = (
     "recording_id", "recording", "path", "position", "sensor_id", "start_utc", "begin_utc", "end_utc", "hub_zero_utc",
     "duration_s", "revolutions", "revolutions_valid", "distance_m", "stated_radius_m", "ring_thickness_m", "reference",
     "load_calibration", "faults", "alarms", "damage", AVERAGE_ORDERS.name,
-    "speed_mean_mps", "load_n", "load_std_n", "pressure_pa", "pressure_measured", "temperature_degc", "noise_mps2",
-    "samples", "samples_lost", "samples_saturated", "mounting_offset_m", "mounting_offset_std_m",
+    "speed_mean_mps", "load_n", "load_std_n", "pressure_pa", "pressure_std_pa", "pressure_measured",
+    "temperature_degc", "noise_mps2", "samples", "samples_lost", "samples_saturated", "mounting_offset_m",
+    "mounting_offset_std_m",
     "test", "driver", "comment", "tags", "tire_maker", "tire_dot", "shown_units",
 )  # fmt: skip
 _ESTIMATES: Final = tuple(quantity.column for quantity in declared() if quantity.watch is not None or quantity.compared)

@@ -44,9 +44,13 @@ _FAST_WEAR: Final = 2.0
 _FAST_WEAR_SCATTERS: Final = 4.0
 _FAST_WEAR_STDS: Final = 4.0
 _MAD_TO_STD: Final = 1.4826
-# Loss of pressure in a month that a fleet of tight tires may have by permeation, and excess over it that is a finding.
+# Loss of pressure in a month that a fleet of tight tires may have by permeation, and excess over it that is a finding:
+# rubber, pressure and temperature differ between tires by some 20 %. Errors of a rate that are no chance.
 _MOST_PERMEATION_KPA: Final = 6.0
 _EXCESS_LOSS_KPA: Final = 1.0
+_EXCESS_LOSS: Final = 0.5
+_EXCESS_LOSS_SCATTERS: Final = 3.0
+_CHANCE: Final = 2.0
 # Series of a tire that are tested for outliers.
 _SERIES_OF_TIRE: Final = 12
 
@@ -272,10 +276,15 @@ def _without_permeation(tires: Sequence[TireTrend]) -> tuple[TireTrend, ...]:
     valid_losses = [loss.value for loss in losses if loss.status is Status.VALID]
     if len(valid_losses) < _LEAST_FLEET:
         return tuple(tires)
-    limit_kpa = min(max(float(np.median(valid_losses)) + _EXCESS_LOSS_KPA, 0.0), _MOST_PERMEATION_KPA)
+    median_kpa = float(np.median(valid_losses))
+    scatter_kpa = _MAD_TO_STD * float(np.median(np.abs(np.array(valid_losses) - median_kpa)))
+    excess_kpa = max(_EXCESS_LOSS_KPA, _EXCESS_LOSS * median_kpa, _EXCESS_LOSS_SCATTERS * scatter_kpa)
+    limits_kpa = [
+        min(max(median_kpa + math.hypot(excess_kpa, _CHANCE * loss.std), 0.0), _MOST_PERMEATION_KPA) for loss in losses
+    ]
     return tuple(
         replace(tire, findings=tuple(item for item in tire.findings if item.code is not FleetCode.TREND_LOSES_PRESSURE))
         if loss.value <= limit_kpa
         else tire
-        for tire, loss in zip(tires, losses, strict=True)
+        for tire, loss, limit_kpa in zip(tires, losses, limits_kpa, strict=True)
     )

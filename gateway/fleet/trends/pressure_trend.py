@@ -12,7 +12,7 @@ import numpy as np
 from gateway.core.constants import STANDARD_ATMOSPHERE_PA, ZERO_CELSIUS_K
 from gateway.core.estimates.estimator import Status
 from gateway.core.reasons import Reason, Value
-from gateway.core.types import FloatArray
+from gateway.core.types import FloatArray, IntArray
 from gateway.fleet.reasons import FleetCode
 from gateway.fleet.trends.causes import Change, Finding
 from gateway.fleet.trends.leak_model import (
@@ -29,6 +29,7 @@ from gateway.fleet.trends.line_numbers import (
     has_rolled,
     rate_number,
     reason_missing,
+    shared_std,
     value_at_end,
     with_doubts,
 )
@@ -51,6 +52,7 @@ from gateway.fleet.trends.trend_line import (
     is_constant,
     relative_change,
     slope_after,
+    slope_before,
     span_of,
 )
 from gateway.fleet.trends.trend_result import Quantity, TrendNumber, TrendSeries
@@ -145,16 +147,20 @@ def add_pressure(tire: TireWork) -> None:
         return
     plain, loss = _loss(tire, line, refilled)
     tire.numbers.append(loss)
-    tire.numbers.append(value_at_end(Quantity.PRESSURE_NOW, "kPa", line))
+    tire.findings = [_with_rate(finding, loss) for finding in tire.findings]
+    tire.numbers.append(
+        value_at_end(Quantity.PRESSURE_NOW, "kPa", line._replace(stds=_stated_kpa(history, line.places)))
+    )
     if loss.status is Status.INVALID:
         if line.doubt is None and (fell := _fallen(history, line)) is not None:
             tire.findings.append(Finding(fell, PRESSURE, Change(int(line.places[0]))))
         return
     least_loss = loss.value - finding_quantile(line) * math.hypot(plain.std, _weather_error(tire, line))
     is_certain = (least_loss if refilled is None else min(refilled.least, least_loss)) > NOTABLE_LOSS_PA * 1e-3
-    if loss.status is Status.VALID and is_certain:
+    is_lasting = _loses_before_and_after(tire, line, loss) and all(item.series != PRESSURE for item in tire.findings)
+    if loss.status is Status.VALID and (is_certain or is_lasting):
         series = tire.series[-1]
-        refilled_at = max(series.steps, default=0)
+        refilled_at = max(line.steps if is_lasting else series.steps, default=0)
         loses = Reason(
             FleetCode.TREND_LOSES_PRESSURE, **_from_to(series, refilled_at), loss_pa=1e3 * loss.value,
             std_pa=1e3 * loss.std,
@@ -165,6 +171,29 @@ def add_pressure(tire: TireWork) -> None:
         # A fall is worth a stop before it has a rate.
         new_fall = _new_fall(tire, cold + max(loss.value, 0.0) * (history.months - history.months[-1]))
         tire.findings += () if new_fall is None else (new_fall,)
+
+
+def _loses_before_and_after(tire: TireWork, line: TrendLine, loss: TrendNumber) -> bool:
+    """Return whether a certain loss before a change of slope goes on after it, whose few recordings prove less."""
+    if line.change is None or not line.change.is_slope:
+        return False
+    slope, std = combination(line, slope_before(line))
+    least_before = -slope - finding_quantile(line) * math.hypot(std, _weather_error(tire, line))
+    return min(least_before, loss.value) > NOTABLE_LOSS_PA * 1e-3 and loss.value > _CHANCE * loss.std
+
+
+def _stated_kpa(history: TireHistory, rows: IntArray) -> FloatArray:
+    """Return the stated errors of the pressure sensor, which a difference of its readings has not."""
+    return 1e-3 * history.column("pressure_std_pa")[rows]
+
+
+def _with_rate(finding: Finding, loss: TrendNumber) -> Finding:
+    """Return a finding of a faster loss with the rate and the error of the number."""
+    is_rate_since = any(reason.code is FleetCode.TREND_RATE_SINCE for reason in loss.reasons)
+    if finding.reason.code is not FleetCode.TREND_LOSS_CHANGED or not is_rate_since:
+        return finding
+    rate = {"after_pa": 1e3 * loss.value, "after_std_pa": 1e3 * loss.std}
+    return finding._replace(reason=Reason(finding.reason.code, **{**dict(finding.reason.values), **rate}))
 
 
 def _fitted(tire: TireWork, cold_kpa: FloatArray) -> TrendLine | None:
@@ -287,10 +316,11 @@ def _leak(tire: TireWork, cold_kpa: FloatArray) -> bool:
     date, until = date_of(int(history.time_ns[first])), date_of(int(history.time_ns[last]))
     since = Reason(FleetCode.TREND_RATE_SINCE, count=count, date=date, before=-slope, std=slope_std, unit="kPa/month")
     level_note = Reason(FleetCode.TREND_NOW_SINCE, count=count, date=date)
+    now_std_kpa = math.hypot(leak.now_std_kpa, shared_std(_stated_kpa(history, rows)))
     status = Status.VALID if leak.is_certain else Status.PROVISIONAL
     for quantity, unit, value, std, state, reason in (
         (Quantity.PRESSURE_LOSS, "kPa/month", leak.rate_kpa, leak.rate_std_kpa, status, since),
-        (Quantity.PRESSURE_NOW, "kPa", leak.now_kpa, leak.now_std_kpa, status, level_note),
+        (Quantity.PRESSURE_NOW, "kPa", leak.now_kpa, now_std_kpa, status, level_note),
     ):
         number = TrendNumber(
             quantity,

@@ -116,6 +116,19 @@ def test_a_pressure_that_never_changes_shows_no_loss():
         assert number(result, quantity).reasons[0].code is FleetCode.TREND_PRESSURE_CONSTANT
 
 
+@pytest.mark.parametrize("leak_kpa", [0.0, 12.0])
+def test_error_that_the_sensor_states_is_in_the_pressure_and_not_in_its_loss(leak_kpa):
+    tire = history()
+    leaking = tire.columns["pressure_pa"] - 1e3 * leak_kpa * np.maximum(np.arange(100) - 93, 0)
+    tire = changed(tire, "pressure_pa", leaking)
+    (plain,), (stated,) = (
+        trends_of(each).tires for each in (tire, changed(tire, "pressure_std_pa", np.full(100, 1500.0)))
+    )
+    now, stated_now = (number(each, Quantity.PRESSURE_NOW) for each in (plain, stated))
+    assert stated_now.std == pytest.approx(np.hypot(now.std, 1.5))
+    assert number(stated, Quantity.PRESSURE_LOSS).std == number(plain, Quantity.PRESSURE_LOSS).std
+
+
 def test_a_temperature_that_never_changes_makes_no_leak():
     tire = history()
     colder = 220e3 - 3000.0 * tire.months

@@ -12,12 +12,13 @@ from gateway.fleet.reasons import FleetCode
 from gateway.fleet.trends.causes import Change, Finding, with_causes
 from gateway.fleet.trends.fleet_analysis import analyse
 from gateway.fleet.trends.plausible_readings import plausible_readings
-from gateway.fleet.trends.tire_history import TireHistory
+from gateway.fleet.trends.tire_history import MONTH_NS, TireHistory
 from gateway.fleet.trends.tire_lines import PRESSURE
 from gateway.fleet.trends.trend_result import FleetTrends, Quantity, TireTrend
 from tests.testkit.tire_histories import history, number
 
 COUNT = 60
+LOSSES = {FleetCode.TREND_LOSES_PRESSURE: "loss", FleetCode.TREND_LOSS_CHANGED: "after"}
 INDEX = np.arange(COUNT)
 
 
@@ -167,13 +168,32 @@ def with_losses(losses_kpa: list[float]) -> list[TireHistory]:
     return wheels
 
 
-@pytest.mark.parametrize(("losses_kpa", "leaking"), [([3.1, 2.8, 3.4, 3.0], []), ([1.4, 1.1, 4.2, 1.6], ["RL"])])
+@pytest.mark.parametrize(
+    ("losses_kpa", "leaking"), [([3.1, 2.8, 3.4, 3.0], []), ([3.0, 2.9, 4.3, 3.1], []), ([1.4, 1.1, 4.2, 1.6], ["RL"])]
+)
 def test_a_loss_that_all_tires_have_is_permeation(losses_kpa, leaking):
     tires = analyse(with_losses(losses_kpa), recordings=4 * COUNT).tires
     assert [tire.position for tire in tires if tire.findings] == leaking
     for tire, loss_kpa in zip(tires, losses_kpa, strict=True):
         loss = number(tire, Quantity.PRESSURE_LOSS)
         assert loss.value == pytest.approx(loss_kpa, abs=3.5 * loss.std)
+
+
+def test_a_loss_that_becomes_slower_is_found_and_one_that_becomes_faster_has_one_error():
+    months = np.concatenate([np.linspace(0.0, 2.8, 38), np.linspace(2.82, 3.6, 22)])
+    found = []
+    for before_kpa, bend_kpa in ((13.0, -4.5), (0.0, 8.0)):
+        tire = history(2, COUNT, months=3.6)
+        tire = replace(tire, time_ns=tire.time_ns[0] + (months * MONTH_NS).astype(np.int64))
+        tire.columns["pressure_pa"] -= 1e3 * (before_kpa * months + bend_kpa * np.maximum(months - 2.8, 0.0))
+        trend = trend_of(tire)
+        (finding,) = (item for item in trend.findings if item.code in LOSSES)
+        loss, name = number(trend, Quantity.PRESSURE_LOSS), LOSSES[finding.code]
+        stated = finding[f"{name}_pa"], finding["std_pa" if name == "loss" else "after_std_pa"]
+        assert stated == pytest.approx((1e3 * loss.value, 1e3 * loss.std))
+        found.append((finding.code, round(finding["over_s"] / 86_400.0)))
+    assert found[0] == (FleetCode.TREND_LOSES_PRESSURE, pytest.approx(110, abs=1))
+    assert found[1][0] is FleetCode.TREND_LOSS_CHANGED
 
 
 @pytest.mark.parametrize(("filled", "kpa"), [(3, 5.0), (6, 9.0)])
