@@ -12,6 +12,7 @@ from gateway.core.quantity import Trend
 from gateway.core.reasons import Reason
 from gateway.fleet.reasons import FleetCode
 from gateway.fleet.trends.causes import Change, Finding
+from gateway.fleet.trends.late_changes import LEAST_AFTER
 from gateway.fleet.trends.line_numbers import is_significant, rate_number, reason_missing
 from gateway.fleet.trends.steady_value import parted_drift, zero_of
 from gateway.fleet.trends.tire_lines import TireWork, fit_line, reason_of_change
@@ -97,20 +98,29 @@ def _judge_sensor(tire: TireWork, name: str, line: TrendLine, changes_from: int)
         return
     change, std = combination(line, from_first_to_last(line))
     is_drift = is_significant(rate, line)
+    # What grows may be fitted by steps one after the other: none of them is its present size.
+    sizes = [abs(size_of_step(line, number)[0]) for number in range(len(line.steps))]
+    is_staircase = bool(watch.worse) and len(sizes) > 1 and abs(change) - max(sizes) > watch.notable
     # A single change that the series shows is told with its date; a drift beside it by the whole change.
-    is_dated = len(tire.findings) == changes_from + 1 and (
-        abs(rate.value) * span_of(tire.history.months) <= watch.notable or not is_drift
+    is_dated = (
+        not is_staircase
+        and len(tire.findings) == changes_from + 1
+        and (abs(rate.value) * span_of(tire.history.months) <= watch.notable or not is_drift)
     )
     is_worse = not watch.worse or change * watch.worse > 0.0
     is_notable = is_worse and abs(change) > watch.notable and abs(change) > finding_quantile(line) * std
     if is_dated or not is_notable or rate.status is not Status.VALID or not is_separable:
         return
-    if line.steps and not is_drift:
+    if line.steps and not is_drift and not is_staircase:
         # What changes at once has a date.
         del tire.findings[changes_from:]
         tire.findings.append(_largest_step(tire, name, line))
     elif watch.drift:
         del tire.findings[changes_from:]
+        if is_staircase:
+            # The last level lags behind what grows.
+            newest = line.fit.residuals[-LEAST_AFTER:]
+            change, std = change + float(newest.mean()), math.hypot(std, line.fit.scale / math.sqrt(len(newest)))
         code, value = watch.drift
         drift = Reason(code, **{value: _DRIFTS[value](change)}, std=_std_of_drift(value, change, std))
         tire.findings.append(Finding(drift, name))

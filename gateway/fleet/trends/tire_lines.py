@@ -173,6 +173,9 @@ def fit_line(
         is_level=name in _LEVELS,
     )
     steps, change = shape.steps, shape.change
+    if name == "wear_mm" and change is not None and change.is_slope:
+        # A tread does not jump where it begins to wear faster: the newest line of its own holds what the place is off.
+        steps = [step for step in steps if abs(step - change.begin) >= LEAST_POINTS]
     all_doubts = history.doubts_of(name)
     doubts = [all_doubts[row] for row in index]
 

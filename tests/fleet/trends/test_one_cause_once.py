@@ -107,6 +107,28 @@ def test_noise_that_was_less_for_a_while_is_no_finding():
     assert trend_of(tire_with(noise_mps2=noise)).findings == ()
 
 
+def test_noise_that_grows_is_told_by_its_present_size():
+    growing = 1.0 + 9.0 * np.clip((INDEX - 36) / 23.0, 0.0, 1.0)
+    (finding,) = trend_of(tire_with(noise_mps2=growing)).findings
+    assert finding.code is FleetCode.TREND_SENSOR_NOISE
+    assert finding["factor"] == pytest.approx(10.0, abs=max(3.5 * finding["std"], 1.5))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_faster_wear_after_a_gap_is_told_once_with_the_rate_of_its_recordings(seed):
+    tire = tire_with(seed)
+    late = np.maximum(INDEX - 52, 0) * 50.0
+    km = np.where(INDEX < 53, 50.0 * INDEX, 2800.0 + late)
+    rng = np.random.default_rng([7, seed])
+    wear = 0.12e-3 * km + 1.88e-3 * late * (INDEX >= 53) + rng.normal(0.0, 0.02, COUNT)
+    tire = replace(tire, km=km, columns={**tire.columns, "wear_mm": wear})
+    trend = trend_of(tire)
+    wears = [item for item in trend.findings if dict(item.values).get("name", "wear_mm") == "wear_mm"]
+    assert [item.code for item in wears] == [FleetCode.TREND_WEAR_CHANGED]
+    rate = number(trend, Quantity.WEAR_RATE)
+    assert rate.value == pytest.approx(2.0, abs=4.0 * rate.std)
+
+
 def test_date_of_a_step_has_the_error_that_the_scatter_makes():
     errors = []
     for seed in range(12):
