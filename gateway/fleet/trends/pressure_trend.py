@@ -12,7 +12,7 @@ import numpy as np
 from gateway.core.constants import STANDARD_ATMOSPHERE_PA, ZERO_CELSIUS_K
 from gateway.core.estimates.estimator import Status
 from gateway.core.reasons import Reason, Value
-from gateway.core.types import FloatArray, IntArray
+from gateway.core.types import BoolArray, FloatArray, IntArray
 from gateway.fleet.reasons import FleetCode
 from gateway.fleet.trends.causes import Change, Finding
 from gateway.fleet.trends.leak_model import (
@@ -132,11 +132,7 @@ def add_pressure(tire: TireWork) -> None:
     line = _pressure_line(tire, cold)
     refilled = None
     if line is not None:
-        is_normal, change = ~line.search.is_outlier, line.change
-        if change is not None and change.is_slope:
-            is_normal[: change.begin - 1] = False
-        elif change is not None:
-            is_normal[change.begin :] = False
+        is_normal, change = _is_normal(line), line.change
         refilled = pressure_loss(history.months[line.places[is_normal]], line.values[is_normal])
         if refilled is None and change is None:
             reason = Reason(FleetCode.TREND_TOO_FEW, count=int(is_normal.sum()), needed=LEAST_RECORDINGS)
@@ -157,7 +153,8 @@ def add_pressure(tire: TireWork) -> None:
         return
     least_loss = loss.value - finding_quantile(line) * math.hypot(plain.std, _weather_error(tire, line))
     is_certain = (least_loss if refilled is None else min(refilled.least, least_loss)) > NOTABLE_LOSS_PA * 1e-3
-    is_lasting = _loses_before_and_after(tire, line, loss) and all(item.series != PRESSURE for item in tire.findings)
+    is_told = any(finding.series == PRESSURE for finding in tire.findings)
+    is_lasting = not is_told and _loses_before_and_after(tire, line, loss)
     if loss.status is Status.VALID and (is_certain or is_lasting):
         series = tire.series[-1]
         refilled_at = max(line.steps if is_lasting else series.steps, default=0)
@@ -167,10 +164,20 @@ def add_pressure(tire: TireWork) -> None:
         )  # fmt: skip
         total_change = -loss.value * span_of(history.months), loss.std * span_of(history.months)
         tire.findings.append(Finding(loses, PRESSURE, relative_change(PRESSURE, line, None, total_change)))
-    elif line.doubt is None and all(finding.series != PRESSURE for finding in tire.findings):
+    elif line.doubt is None and not is_told:
         # A fall is worth a stop before it has a rate.
         new_fall = _new_fall(tire, cold + max(loss.value, 0.0) * (history.months - history.months[-1]))
         tire.findings += () if new_fall is None else (new_fall,)
+
+
+def _is_normal(line: TrendLine) -> BoolArray:
+    """Return the recordings (n,) without outliers that have the newest slope and the usual level."""
+    is_normal, change = ~line.search.is_outlier, line.change
+    if change is not None and change.is_slope:
+        is_normal[: change.begin - 1] = False
+    elif change is not None:
+        is_normal[change.begin :] = False
+    return is_normal
 
 
 def _loses_before_and_after(tire: TireWork, line: TrendLine, loss: TrendNumber) -> bool:

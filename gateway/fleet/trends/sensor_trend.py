@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from gateway.core.estimates.estimator import Status
-from gateway.core.quantity import Trend
+from gateway.core.quantity import Trend, Watch
 from gateway.core.reasons import Reason
 from gateway.fleet.reasons import FleetCode
 from gateway.fleet.trends.causes import Change, Finding
@@ -92,38 +92,48 @@ def _judge_sensor(tire: TireWork, name: str, line: TrendLine, changes_from: int)
     tire.numbers.append(rate)
     if name == "gain" and line.doubt is not None:
         # That gain and zero are not parted in a recording, or contradict what is stated, is what changes.
-        steady = list(_steady_value(tire, line))
-        tire.findings += steady
-        tire.onsets |= {finding.series: list(notable_changes(name, line)) for finding in steady}
+        _add_steady_value(tire, name, line)
         return
     change, std = combination(line, from_first_to_last(line))
     is_drift = is_significant(rate, line)
-    # What grows may be fitted by steps one after the other: none of them is its present size.
-    sizes = [abs(size_of_step(line, number)[0]) for number in range(len(line.steps))]
-    is_staircase = bool(watch.worse) and len(sizes) > 1 and abs(change) - max(sizes) > watch.notable
+    growth = _growth(line, watch, change, std)
     # A single change that the series shows is told with its date; a drift beside it by the whole change.
     is_dated = (
-        not is_staircase
+        growth is None
         and len(tire.findings) == changes_from + 1
         and (abs(rate.value) * span_of(tire.history.months) <= watch.notable or not is_drift)
     )
-    is_worse = not watch.worse or change * watch.worse > 0.0
-    is_notable = is_worse and abs(change) > watch.notable and abs(change) > finding_quantile(line) * std
+    is_worse = change * (watch.worse or change) > 0.0
+    is_notable = is_worse and abs(change) > max(watch.notable, finding_quantile(line) * std)
     if is_dated or not is_notable or rate.status is not Status.VALID or not is_separable:
         return
-    if line.steps and not is_drift and not is_staircase:
+    if line.steps and not is_drift and growth is None:
         # What changes at once has a date.
         del tire.findings[changes_from:]
         tire.findings.append(_largest_step(tire, name, line))
     elif watch.drift:
         del tire.findings[changes_from:]
-        if is_staircase:
-            # The last level lags behind what grows.
-            newest = line.fit.residuals[-LEAST_AFTER:]
-            change, std = change + float(newest.mean()), math.hypot(std, line.fit.scale / math.sqrt(len(newest)))
+        change, std = growth or (change, std)
         code, value = watch.drift
         drift = Reason(code, **{value: _DRIFTS[value](change)}, std=_std_of_drift(value, change, std))
         tire.findings.append(Finding(drift, name))
+
+
+def _add_steady_value(tire: TireWork, name: str, line: TrendLine) -> None:
+    findings = list(_steady_value(tire, line))
+    tire.findings += findings
+    tire.onsets |= {finding.series: list(notable_changes(name, line)) for finding in findings}
+
+
+def _growth(line: TrendLine, watch: Watch, change: float, std: float) -> tuple[float, float] | None:
+    """Return the present size, with its error, of what grows and is fitted by steps one after the other."""
+    steps = range(len(line.steps))
+    least = abs(change) - watch.notable
+    if not watch.worse or len(steps) < 2 or any(abs(size_of_step(line, step)[0]) >= least for step in steps):
+        return None
+    # The last level lags behind what grows.
+    newest = line.fit.residuals[-LEAST_AFTER:]
+    return change + float(newest.mean()), math.hypot(std, line.fit.scale / math.sqrt(len(newest)))
 
 
 def _largest_step(tire: TireWork, name: str, line: TrendLine) -> Finding:

@@ -13,7 +13,7 @@ from gateway.core.reasons import Code, CoreCode, Reason, Value
 from gateway.core.types import FloatArray, IntArray
 from gateway.fleet.reasons import FleetCode
 from gateway.fleet.trends.causes import Change, Finding
-from gateway.fleet.trends.late_changes import LateChange, find_shape
+from gateway.fleet.trends.late_changes import LateChange, Shape, find_shape
 from gateway.fleet.trends.level_steps import LEAST_POINTS, with_steps
 from gateway.fleet.trends.neighbouring_wheels import Shared
 from gateway.fleet.trends.outlier_detection import OutlierSearch, find_outliers
@@ -119,6 +119,14 @@ def softened_by_wear(tire: TireWork, name: str, line: TrendLine, along: FloatArr
     return (value, math.sqrt(max(float(padded @ wear_fit.covariance @ padded), 0.0))) if value < 0.0 else None
 
 
+def _steps_of(name: str, shape: Shape) -> list[int]:
+    change = shape.change
+    if name != "wear_mm" or change is None or not change.is_slope:
+        return shape.steps
+    # A tread does not jump where it begins to wear faster: the newest line of its own holds what the place is off.
+    return [step for step in shape.steps if abs(step - change.begin) >= LEAST_POINTS]
+
+
 def fit_line(
     tire: TireWork,
     name: str,
@@ -172,10 +180,7 @@ def fit_line(
         may_be_isolated=tested,
         is_level=name in _LEVELS,
     )
-    steps, change = shape.steps, shape.change
-    if name == "wear_mm" and change is not None and change.is_slope:
-        # A tread does not jump where it begins to wear faster: the newest line of its own holds what the place is off.
-        steps = [step for step in steps if abs(step - change.begin) >= LEAST_POINTS]
+    steps, change = _steps_of(name, shape), shape.change
     all_doubts = history.doubts_of(name)
     doubts = [all_doubts[row] for row in index]
 
