@@ -40,7 +40,7 @@ CEILINGS: Final[dict[str, Ceiling]] = {
     "lines of the core": Ceiling(32_000, 40_215),
     "lines of gateway": Ceiling(95_000, 133_390),
     "lines of tests": Ceiling(58_000, 80_250),
-    "lines of tools": Ceiling(17_000, 24_930),
+    "lines of tools": Ceiling(17_000, 25_285),
     "words of docs": Ceiling(60_000, 60_000),
     "options": Ceiling(120, 91),
     "reason codes": Ceiling(430, 532),
