@@ -19,7 +19,7 @@ if __name__ == "__main__":  # started by its path
 
 import numpy as np
 
-from gateway.fleet.trends.structure_trend import FIRST_ORDER, LAST_ORDER, structure_change
+from gateway.fleet.trends.structure_trend import FIRST_ORDER, LAST_ORDER, structure_changes
 from gateway.fleet.trends.tire_history import MONTH_NS, TireHistory
 from tools.blind_rig.ring import _ORDERS, Ring, _Chain, _derivative, _read
 
@@ -158,7 +158,7 @@ def tire(
 def main(folder: Path, tires: int) -> None:
     """Print the curve."""
     rings = [answers_of(number, folder) for number in range(len(RINGS))]
-    false = sum(structure_change(tire(rings[seed % 2], seed)) is not None for seed in range(3 * tires))
+    false = sum(structure_changes([tire(rings[seed % 2], seed)])[0] is not None for seed in range(3 * tires))
     print(f"healthy tires with a finding: {false} of {3 * tires}", flush=True)
     for kind, (name, (sizes, unit, is_sudden)) in enumerate(_KINDS.items()):
         for size in sizes:
@@ -169,7 +169,7 @@ def main(folder: Path, tires: int) -> None:
                 place_kg = ring.mass_kgpm * ring.radius_m * math.radians(4.0 / 3.0 * _HALF_DEG)
                 share = 1e-3 * size / place_kg if unit == "g" else size
                 made = tire(rings[seed % 2], 1000 + seed, kind, share, is_sudden=is_sudden)
-                seen += structure_change(made) is not None
+                seen += structure_changes([made])[0] is not None
             lost = f"{size:g} {unit}" if unit else f"{100 * size:.0f} %"
             print(f"{name} -{lost}: {seen} of {tires}", flush=True)
 

@@ -34,7 +34,7 @@ from gateway.fleet.trends.tire_history import TireHistory
 from gateway.fleet.trends.tire_lines import TireWork
 from gateway.fleet.trends.tire_trends import add_load, add_rate, add_stiffness, add_wear
 from gateway.fleet.trends.trend_line import centred, date_of, is_constant, level_columns, quantile_of
-from gateway.fleet.trends.trend_result import FleetTrends, Quantity, TireTrend
+from gateway.fleet.trends.trend_result import FleetTrends, Quantity, TireTrend, TrendNumber
 from gateway.fleet.trends.watched_series import SERIES, followed_by
 
 # Tires from which a fleet has a median wear, and excess over it that is a finding.
@@ -248,14 +248,25 @@ def _since(history: TireHistory, change: StructureChange) -> dict[str, Value]:
     return since
 
 
+def _numbers_of(tires: Sequence[TireTrend], quantity: str) -> list[TrendNumber]:
+    return [next(number for number in tire.numbers if number.quantity == quantity) for tire in tires]
+
+
+def _median_and_scatter(numbers: Sequence[TrendNumber]) -> tuple[float, float]:
+    """Return median and robust scatter of a fleet's valid numbers, NaN where they are too few."""
+    values = np.array([number.value for number in numbers if number.status is Status.VALID])
+    if len(values) < _LEAST_FLEET:
+        return math.nan, math.nan
+    median = float(np.median(values))
+    return median, _MAD_TO_STD * float(np.median(np.abs(values - median)))
+
+
 def _with_fast_wear(tires: Sequence[TireTrend]) -> tuple[TireTrend, ...]:
     """Add a finding to tires that wear much faster than the median of the fleet: that tires wear is none."""
-    rates = [next(number for number in tire.numbers if number.quantity == Quantity.WEAR_RATE) for tire in tires]
-    valid_rates = [rate.value for rate in rates if rate.status is Status.VALID]
-    if len(valid_rates) < _LEAST_FLEET:
+    rates = _numbers_of(tires, Quantity.WEAR_RATE)
+    median_rate, scatter = _median_and_scatter(rates)
+    if math.isnan(median_rate):
         return tuple(tires)
-    median_rate = float(np.median(valid_rates))
-    scatter = _MAD_TO_STD * float(np.median(np.abs(np.array(valid_rates) - median_rate)))
     results = []
     for tire, rate in zip(tires, rates, strict=True):
         is_fast = rate.status is Status.VALID and rate.value - median_rate > max(
@@ -272,12 +283,10 @@ def _with_fast_wear(tires: Sequence[TireTrend]) -> tuple[TireTrend, ...]:
 
 def _without_permeation(tires: Sequence[TireTrend]) -> tuple[TireTrend, ...]:
     """Leave out the finding of a loss of pressure that tires of the fleet have alike: rubber lets gas through."""
-    losses = [next(number for number in tire.numbers if number.quantity == Quantity.PRESSURE_LOSS) for tire in tires]
-    valid_losses = [loss.value for loss in losses if loss.status is Status.VALID]
-    if len(valid_losses) < _LEAST_FLEET:
+    losses = _numbers_of(tires, Quantity.PRESSURE_LOSS)
+    median_kpa, scatter_kpa = _median_and_scatter(losses)
+    if math.isnan(median_kpa):
         return tuple(tires)
-    median_kpa = float(np.median(valid_losses))
-    scatter_kpa = _MAD_TO_STD * float(np.median(np.abs(np.array(valid_losses) - median_kpa)))
     excess_kpa = max(_EXCESS_LOSS_KPA, _EXCESS_LOSS * median_kpa, _EXCESS_LOSS_SCATTERS * scatter_kpa)
     limits_kpa = [
         min(max(median_kpa + math.hypot(excess_kpa, _CHANCE * loss.std), 0.0), _MOST_PERMEATION_KPA) for loss in losses

@@ -107,8 +107,8 @@ def _common(
     # Without temperatures a refill of all wheels is each one's own; a rise that goes back, as in mountains, is common.
     if stuck[number]:
         level = np.concatenate([[0.0], np.cumsum(medians)])
-        for place in _lasting_rises(level, _OUTLIER_SCATTERS * max(median_scatter, scatter)):
-            own_changes[:, place - 1] = changes[:, place - 1]
+        for rise in _lasting_rises(level, _OUTLIER_SCATTERS * max(median_scatter, scatter)):
+            own_changes[:, rise - 1] = changes[:, rise - 1]
     values -= np.concatenate([np.zeros((len(values), 1)), np.cumsum(own_changes, axis=1)], axis=1)
     values -= np.median(values, axis=1, keepdims=True)
     common = np.full(len(paths), np.nan)
@@ -129,14 +129,14 @@ def _reduced(cold_kpa: FloatArray, common: FloatArray, is_stuck: bool) -> Shared
     return Shared(reduced, is_stuck, float(part.std()))
 
 
-def _lasting_rises(values: FloatArray, least: float) -> list[int]:
-    """Return the places of rises larger than a least one that do not go back, as at refills."""
+def _lasting_rises(values: FloatArray, threshold: float) -> list[int]:
+    """Return the indices after rises above a threshold that do not go back, as at refills."""
     changes = np.diff(values)
     return [
-        place
-        for place in (np.flatnonzero(changes > least) + 1).tolist()
-        if np.median(values[place : place + _WINDOW]) - np.median(values[max(place - _WINDOW, 0) : place])
-        > 0.5 * changes[place - 1]
+        index
+        for index in (np.flatnonzero(changes > threshold) + 1).tolist()
+        if np.median(values[index : index + _WINDOW]) - np.median(values[max(index - _WINDOW, 0) : index])
+        > 0.5 * changes[index - 1]
     ]
 
 

@@ -44,12 +44,12 @@ class PlausibleReadings(NamedTuple):
         return bool(np.isfinite(self.temperature_degc).any())
 
 
-def plausible_readings(history: TireHistory, others: Sequence[TireHistory] = ()) -> PlausibleReadings:
+def plausible_readings(history: TireHistory, other_wheels: Sequence[TireHistory] = ()) -> PlausibleReadings:
     """Return the readings without temperatures that no tire has, and without pressures of a stuck sensor.
 
     Args:
         history: of the tire.
-        others: of the other wheels of its vehicle.
+        other_wheels: of its vehicle.
     """
     degc, pressure_pa = history.column("temperature_degc"), history.column("pressure_pa").copy()
     with np.errstate(invalid="ignore"):
@@ -74,7 +74,7 @@ def plausible_readings(history: TireHistory, others: Sequence[TireHistory] = ())
         rows = measured[run]
         if not _LEAST_RUN <= rows.size < measured.size:
             continue
-        shared_pa = _shared_change(others, [history.paths[row] for row in rows.tolist()])
+        shared_pa = _shared_change(other_wheels, [history.paths[row] for row in rows.tolist()])
         if _is_stuck(float(pressure_pa[rows[0]]), degc[rows], shared_pa, least_pa):
             first, last = (
                 str(np.datetime64(int(history.time_ns[row]), "ns").astype("datetime64[D]")) for row in rows[[0, -1]]
@@ -99,23 +99,23 @@ def _runs(values: FloatArray) -> list[slice]:
     return [slice(begin, end) for begin, end in pairwise(edges)]
 
 
-def _shared_change(others: Sequence[TireHistory], paths: Sequence[str]) -> FloatArray:
+def _shared_change(other_wheels: Sequence[TireHistory], paths: Sequence[str]) -> FloatArray:
     """Return (n,) the change of the other wheels' cold pressures since the first of some recordings.
 
-    It is 0 where fewer than two others have measured them: those that repeat a value too tell nothing.
+    It is 0 where fewer than two of them have measured them: those that repeat a value too tell nothing.
     """
     changes = []
-    for other in others:
-        row_of = {path: row for row, path in enumerate(other.paths)}
+    for wheel in other_wheels:
+        row_of = {path: row for row, path in enumerate(wheel.paths)}
         if not row_of.keys() >= set(paths):
             continue
         rows = [row_of[path] for path in paths]
-        gauge_pa, degc = other.column("pressure_pa")[rows], other.column("temperature_degc")[rows]
+        gauge_pa, degc = wheel.column("pressure_pa")[rows], wheel.column("temperature_degc")[rows]
         cold_pa = (gauge_pa + STANDARD_ATMOSPHERE_PA) * ZERO_CELSIUS_K / (degc + ZERO_CELSIUS_K)
-        if np.all(other.column("pressure_measured")[rows] > 0.0) and float(np.ptp(gauge_pa)) > _ROUNDING_PA:
+        if np.all(wheel.column("pressure_measured")[rows] > 0.0) and float(np.ptp(gauge_pa)) > _ROUNDING_PA:
             changes.append(cold_pa - cold_pa[0])
-    known = [change for change in changes if np.isfinite(change).all()]
-    return np.median(known, axis=0) if len(known) >= _LEAST_OTHERS else np.zeros(len(paths))
+    finite_changes = [change for change in changes if np.isfinite(change).all()]
+    return np.median(finite_changes, axis=0) if len(finite_changes) >= _LEAST_OTHERS else np.zeros(len(paths))
 
 
 def _is_stuck(pressure_pa: float, degc: FloatArray, shared_pa: FloatArray, least_pa: float) -> bool:

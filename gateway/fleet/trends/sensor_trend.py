@@ -128,8 +128,8 @@ def _add_steady_value(tire: TireWork, name: str, line: TrendLine) -> None:
 def _growth(line: TrendLine, watch: Watch, change: float, std: float) -> tuple[float, float] | None:
     """Return the present size, with its error, of what grows and is fitted by steps one after the other."""
     steps = range(len(line.steps))
-    least = abs(change) - watch.notable
-    if not watch.worse or len(steps) < 2 or any(abs(size_of_step(line, step)[0]) >= least for step in steps):
+    limit = abs(change) - watch.notable
+    if not watch.worse or len(steps) < 2 or any(abs(size_of_step(line, step)[0]) >= limit for step in steps):
         return None
     # The last level lags behind what grows.
     newest = line.fit.residuals[-LEAST_AFTER:]

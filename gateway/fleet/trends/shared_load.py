@@ -1,4 +1,4 @@
-"""A load that changes at several wheels of a vehicle at one time is one finding, told at the first of them."""
+"""A load that changes at several wheels of a vehicle at one time is one finding, reported at the first of them."""
 
 import math
 from collections import defaultdict
@@ -16,7 +16,7 @@ _LEAST_STD_S: Final = 86_400.0
 
 
 def with_one_load(tires: Sequence[TireTrend]) -> tuple[TireTrend, ...]:
-    """Return tires where a change of load, at one time and to one side at several wheels of a vehicle, is told once."""
+    """Return tires where a change of load at several wheels, at one time and to one side, is reported once."""
     findings = [list(tire.findings) for tire in tires]
     vehicles: dict[str, list[tuple[int, Reason]]] = defaultdict(list)
     for index, tire in enumerate(tires):
@@ -24,20 +24,20 @@ def with_one_load(tires: Sequence[TireTrend]) -> tuple[TireTrend, ...]:
     for changes in vehicles.values():
         while changes:
             first_index, first = changes.pop(0)
-            same = [
+            repeats = [
                 (index, finding)
                 for index, finding in changes
                 if tires[index].position != tires[first_index].position and _is_same(first, finding)
             ]
-            if not same:
+            if not repeats:
                 continue
-            also_at = ", ".join(dict.fromkeys(tires[index].position for index, _ in same))
-            place = findings[first_index].index(first)
-            findings[first_index][place] = Reason(first.code, **dict(first.values), also_at=also_at)
-            for index, finding in same:
+            also_at = ", ".join(dict.fromkeys(tires[index].position for index, _ in repeats))
+            of_first = findings[first_index]
+            of_first[of_first.index(first)] = Reason(first.code, **dict(first.values), also_at=also_at)
+            for index, finding in repeats:
                 findings[index].remove(finding)
                 changes.remove((index, finding))
-    return tuple(replace(tire, findings=tuple(left)) for tire, left in zip(tires, findings, strict=True))
+    return tuple(replace(tire, findings=tuple(of_tire)) for tire, of_tire in zip(tires, findings, strict=True))
 
 
 def _is_load(finding: Reason) -> bool:
@@ -47,10 +47,12 @@ def _is_load(finding: Reason) -> bool:
     return is_load and {"since_s", "change"} <= values.keys()
 
 
-def _is_same(one: Reason, other: Reason) -> bool:
-    (since_s, std_s, change), (other_since_s, other_std_s, other_change) = (
+def _is_same(first: Reason, second: Reason) -> bool:
+    """Return whether changes of one series are to one side, and at one time within the errors of their dates."""
+    (first_s, first_std_s, first_change), (second_s, second_std_s, second_change) = (
         [float(str(dict(finding.values).get(name, 0.0))) for name in ("since_s", "since_std_s", "change")]
-        for finding in (one, other)
+        for finding in (first, second)
     )
-    limit_s = _SAME_DATE_STDS * max(math.hypot(std_s, other_std_s), _LEAST_STD_S)
-    return one["name"] == other["name"] and change * other_change > 0.0 and abs(since_s - other_since_s) <= limit_s
+    limit_s = _SAME_DATE_STDS * max(math.hypot(first_std_s, second_std_s), _LEAST_STD_S)
+    is_at_one_time = abs(first_s - second_s) <= limit_s
+    return first["name"] == second["name"] and first_change * second_change > 0.0 and is_at_one_time

@@ -3,8 +3,9 @@
 The sensor is glued to the tire, so that the angle of its contact is an angle of the tire, revolution by revolution and
 recording by recording. A place of the belt, the tread or the rim that differs is in the contact when the sensor is at
 the same angle each time, and the waves that it sends on stand in the average there. In the short waves far from the
-sensor's contact, load, pressure, speed and even wear leave next to nothing. What conditions leave is fitted and taken
-away; even wear grows with time as a local change may, but with one shape at all wheels of a fleet, which is taken away.
+sensor's contact, load, pressure, speed and uniform wear leave next to nothing. What conditions leave is fitted and
+taken away; uniform wear grows with time as a local change may, but with one shape at all wheels of a fleet, which is
+taken away.
 Another sensor begins another tire, whose angles are others.
 """
 
@@ -34,7 +35,7 @@ _LEAST_FREEDOM: Final = 10
 _LEAST_AFTER: Final = 3
 STEPS_APART: Final = 3
 RAMPS: Final = (0.0, 0.25, 0.5, 0.75)
-# Other tires from which their median growth is that of even wear: a local change of one leaves it as it is.
+# Other tires from which their median growth is that of uniform wear: a local change of one leaves it as it is.
 _LEAST_OTHERS: Final = 3
 # Part of a course that must be independent of the conditions.
 _LEAST_SHARE: Final = 0.3
@@ -74,23 +75,31 @@ class _Waves(NamedTuple):
 
 
 def structure_changes(histories: Sequence[TireHistory]) -> list[StructureChange | None]:
-    """Return how the waveform of each tire changes beside its conditions, and beside how those of the others grow."""
-    waves = [_waves_of(history) for history in histories]
-    growths = [None if of is None else _growth(history, of) for history, of in zip(histories, waves, strict=True)]
-    changes: list[StructureChange | None] = []
-    for number, (history, found) in enumerate(zip(histories, waves, strict=True)):
-        others = [growth for other, growth in enumerate(growths) if growth is not None and other != number]
-        shape = np.median(others, axis=0) if len(others) >= _LEAST_OTHERS else np.zeros(len(_FAR_ANGLES_RAD))
-        if found is not None and np.any(shape):
-            shape /= np.linalg.norm(shape)
-            found = found._replace(waves=found.waves - np.outer(found.waves @ shape, shape))
-        changes.append(None if found is None else _change(history, found))
-    return changes
+    """Return how the waveform of each tire changes beside its conditions, and beside how those of the others grow.
+
+    None where it does not, or recordings are few.
+    """
+    results: list[StructureChange | None] = [None] * len(histories)
+    usable = [(index, waves) for index, history in enumerate(histories) if (waves := _waves_of(history)) is not None]
+    shapes = _medians_of_others([_growth(histories[index], waves) for index, waves in usable])
+    for (index, waves), shape in zip(usable, shapes, strict=True):
+        unit = shape / max(float(np.linalg.norm(shape)), 1e-300)
+        beside = waves._replace(waves=waves.waves - np.outer(waves.waves @ unit, unit))
+        results[index] = _change(histories[index], beside)
+    return results
 
 
-def structure_change(history: TireHistory) -> StructureChange | None:
-    """Return how the waveform of a tire changes beside its conditions, None where it does not or recordings are few."""
-    return structure_changes([history])[0]
+def _medians_of_others(growths: Sequence[FloatArray]) -> FloatArray:
+    """Return (tires, angles) the median growth of all other tires, zeros where they are too few."""
+    stacked = np.reshape(growths, (len(growths), len(_FAR_ANGLES_RAD)))
+    if len(growths) <= _LEAST_OTHERS:
+        return np.zeros_like(stacked)
+    ordered, count = np.sort(stacked, axis=0), len(growths) - 1
+    # Without a tire's own value, those above it move down by one.
+    low, high = (
+        np.where(stacked <= ordered[rank], ordered[rank + 1], ordered[rank]) for rank in ((count - 1) // 2, count // 2)
+    )
+    return np.asarray(0.5 * (low + high))
 
 
 def _waves_of(history: TireHistory) -> _Waves | None:
@@ -116,8 +125,8 @@ def _growth(history: TireHistory, waves: _Waves) -> FloatArray:
     return np.asarray(np.ptp(months) * (alone @ waves.waves) / max(float(alone @ alone), 1e-12), dtype=np.float64)
 
 
-def _change(history: TireHistory, found: _Waves) -> StructureChange | None:
-    rows, base, waves = found
+def _change(history: TireHistory, beside: _Waves) -> StructureChange | None:
+    rows, base, waves = beside
     scatters = np.sqrt(np.mean(waves**2, axis=1, keepdims=True))
     waves = waves * np.minimum(1.0, _MOST_SCATTERS * np.median(scatters) / np.maximum(scatters, 1e-12))
     courses, onsets = _courses(history.months[rows])

@@ -70,8 +70,11 @@ def _outlier_lines(trends: FleetTrends) -> Iterator[str]:
     yield ""
     yield f"outliers: {len(recordings)} of {trends.recordings} recordings" if recordings else "no outlier"
     for name, path in list(recordings)[:_LISTED]:
-        mine = [outlier for outlier in trends.outliers if outlier.path == path]
-        deviations = "; ".join(f"{tire_name(own)} {label_of(own.name)} {own.deviation:+.1f}" for own in mine)
+        deviations = "; ".join(
+            f"{tire_name(outlier)} {label_of(outlier.name)} {outlier.deviation:+.1f}"
+            for outlier in trends.outliers
+            if outlier.path == path
+        )
         yield f"  {clean(name)}: {deviations} standard deviations from its trend"
     if len(recordings) > _LISTED:
         yield f"  ... and {len(recordings) - _LISTED} more"

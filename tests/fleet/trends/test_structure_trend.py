@@ -8,7 +8,7 @@ import pytest
 from gateway.core.text.wording import text
 from gateway.fleet.reasons import FleetCode
 from gateway.fleet.trends.fleet_analysis import analyse
-from gateway.fleet.trends.structure_trend import FIRST_ORDER, LAST_ORDER, structure_change, structure_changes
+from gateway.fleet.trends.structure_trend import FIRST_ORDER, LAST_ORDER, StructureChange, structure_changes
 from gateway.fleet.trends.tire_history import TireHistory
 from tests.testkit.tire_histories import history
 
@@ -33,6 +33,10 @@ def with_waves(
     orders = orders + 4e-4 * (rng.normal(size=orders.shape) + 1j * rng.normal(size=orders.shape))
     parts = np.stack([orders.real, orders.imag], axis=2).reshape(count, -1)
     return replace(tire, columns={**tire.columns, "average_orders": parts, "speed_mean_mps": speed})
+
+
+def structure_change(tire: TireHistory) -> StructureChange | None:
+    return structure_changes([tire])[0]
 
 
 GROWING = np.linspace(0.0, 1.0, COUNT)
