@@ -558,7 +558,7 @@ def other_optimum_notes(posterior: Posterior) -> Iterator[Reason]:
 def _ended(search: SetSearch) -> tuple[Reason, ...]:
     if search.complete:
         return ()
-    return (Reason(DiagnosisCode.SEARCH_ENDED_EARLY, sets=len(search.evaluations), untried=len(search.untried)),)
+    return (Reason(DiagnosisCode.SEARCH_ENDED_EARLY, sets=len(search.evaluations), untried=search.untried),)
 
 
 def _not_overturned(findings: Sequence[Finding], search: SetSearch, posterior: Posterior) -> list[Finding]:

@@ -100,7 +100,8 @@ class DiagnosisCode(Codes):
     RIVALS_UNTRIED = Code("the search ended before it had tried {effects} in its place")
     SEARCH_ENDED_EARLY = Code(
         "the search for effects ended at its time limit before it was complete: other effects may be more probable "
-        "(sets tried: {sets}; effects never tried: {untried})"
+        "(sets tried: {sets}; effects never tried: {untried})",
+        untried={"()": "none"},
     )
     EVIDENCE_TEMPERED = Code(
         "evidence from {axes} counts less: what is left unexplained there has {residual_ratio:.3g} times the rms of "

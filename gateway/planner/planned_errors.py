@@ -110,14 +110,6 @@ class SensorPlan:
     errors: tuple[PlannedError, ...]
 
 
-def fastest_mps(plan: SensorPlan) -> float:
-    """Return the speed at which the peak reaches the sensor's range or what it survives: it grows with the square."""
-    sensor = plan.sensor
-    limit_mps2 = min(sensor.range_g, sensor.survival_g or math.inf) * STANDARD_GRAVITY_MPS2
-    square_ratio = (limit_mps2 - STANDARD_GRAVITY_MPS2) / (plan.peak_mps2 - STANDARD_GRAVITY_MPS2)
-    return plan.speed_mps * math.sqrt(max(square_ratio, 0.0))
-
-
 def sampling_rate_hz(sensor: Accelerometer) -> float:
     """Return the rate at which the hub samples the sensor, NaN when neither rate nor band is known."""
     if sensor.rate_hz is not None:

@@ -130,7 +130,11 @@ def test_budget_counts_reading_and_says_how_long_each_part_took(monkeypatch, rec
         expired.append(options["expired"]())
         options["on_progress"](SEARCHED, "computing held-out errors")
         clock.advance_ns(10**9)
-        return replace(undrawn(), complete=False, notes=(Reason(DiagnosisCode.SEARCH_ENDED_EARLY, sets=2, untried=30),))
+        return replace(
+            undrawn(),
+            complete=False,
+            notes=(Reason(DiagnosisCode.SEARCH_ENDED_EARLY, sets=2, untried=("pitch tilt", "toe")),),
+        )
 
     monkeypatch.setattr(campaign_diagnosis, "read_campaign", read)
     monkeypatch.setattr(campaign_diagnosis, "diagnose", diagnose)

@@ -13,7 +13,6 @@ from gateway.diagnosis.effects.effect import (
     FIELD_SIZE,
     LATERAL,
     RADIAL,
-    GroupConditions,
     ModelledBlock,
     SignalEffect,
 )
@@ -26,7 +25,8 @@ from gateway.ring.rolling_ring.sensor_waveform import SensorWaveform
 from gateway.simulator.scenario import parse_scenario
 from gateway.simulator.sensor import mounting_matrix
 from gateway.simulator.wheel_plan import wheel_plans
-from tests.testkit.exact_ring import PRESSURE_PA, RADIUS_M, on_grid, solution
+from tests.diagnosis.belt_data import CONDITIONS, OMEGA, THETA
+from tests.testkit.exact_ring import PRESSURE_PA, on_grid, solution
 
 PLY_STEER, CONICITY, CARCASS_COMPLIANCE, YAW_TILT = PlySteer(), Conicity(), CarcassCompliance(), YawTilt()
 EFFECTS = (PLY_STEER, CONICITY, CARCASS_COMPLIANCE)
@@ -35,24 +35,11 @@ NOMINAL = LateralBelt()
 OTHER = LateralBelt(
     shear_stiffness_n=1.2e6, bending_stiffness_nm2=2.5e3, sidewall_stiffness_npm2=1.8e5, tread_stiffness_npm2=1.2e7
 )
-OMEGA = 65.0 / 3.6 / RADIUS_M
-THETA = -math.pi + 2.0 * math.pi * np.arange(FIELD_SIZE) / FIELD_SIZE
 
 
 def block(load_n: float = 5000.0, *, reverse: bool = False, omega: float = OMEGA) -> ModelledBlock:
     ring = solution(load_n)
-    conditions = GroupConditions(
-        omega_radps=omega,
-        omega_dot_radps2=0.0,
-        radius_m=RADIUS_M,
-        load_n=load_n,
-        pressure_pa=PRESSURE_PA,
-        temperature_degc=25.0,
-        reference_degc=25.0,
-        rate_hz=9600.0,
-        time_s=0.0,
-        reverse=reverse,
-    )
+    conditions = replace(CONDITIONS, omega_radps=omega, load_n=load_n, reverse=reverse)
     shape = SensorWaveform(*(on_grid(curve, FIELD_SIZE) for curve in ring.sensor))
     signal = np.zeros((3, FIELD_SIZE))
     signal[RADIAL] = omega**2 * shape.radial_m

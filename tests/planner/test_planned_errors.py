@@ -9,13 +9,14 @@ import pytest
 
 from firmware_protocol.codec import encode_frame
 from firmware_protocol.messages import Frame, MessageType, SampleBlock
+from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.errors import ConfigError
 from gateway.core.reasons import Code
 from gateway.core.text.wording import text
 from gateway.core.trust.reasons import TrustCode
 from gateway.planner.accelerometer import Accelerometer, parse_accelerometers, shipped_accelerometers
 from gateway.planner.link_load import BLOCK_SAMPLES, PowerModel, link_load
-from gateway.planner.planned_errors import SensorPlan, fastest_mps, plan_sensor
+from gateway.planner.planned_errors import SensorPlan, plan_sensor
 from gateway.planner.reasons import PlannerCode
 from gateway.planner.views.sensor_plan import plan_json, plan_lines
 from gateway.simulator.scenario import load_scenario
@@ -167,7 +168,9 @@ def test_bound_lies_below_the_scatter_and_scales_with_the_noise():
 
 
 def test_fastest_speed_is_where_the_range_ends():
-    limit_kmh = 3.6 * fastest_mps(planned(QUIET))
+    plan = planned(QUIET)
+    square_ratio = (QUIET.range_g - 1.0) / (plan.peak_mps2 / STANDARD_GRAVITY_MPS2 - 1.0)
+    limit_kmh = 3.6 * plan.speed_mps * math.sqrt(square_ratio)
     assert PlannerCode.PLAN_RANGE not in codes(QUIET, 0.995 * limit_kmh)
     assert PlannerCode.PLAN_RANGE in codes(QUIET, 1.005 * limit_kmh)
 

@@ -29,7 +29,6 @@ from gateway.core.recording.mcap_layout import MAX_RECORD_BYTES, ChannelInfo
 MAGIC: Final = b"\x89MCAP0\r\n"
 RECORD_HEAD: Final = struct.Struct("<BQ")
 MESSAGE_HEAD: Final = struct.Struct("<HIQQ")
-MESSAGE_HEAD_BYTES: Final = RECORD_HEAD.size + MESSAGE_HEAD.size
 CHUNK_HEAD: Final = struct.Struct("<QQQII")
 CHUNK_DATA_LENGTH: Final = struct.Struct("<Q")
 

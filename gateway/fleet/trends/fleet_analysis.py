@@ -37,8 +37,9 @@ from gateway.fleet.trends.trend_line import centred, date_of, is_constant, level
 from gateway.fleet.trends.trend_result import FleetTrends, Quantity, TireTrend, TrendNumber
 from gateway.fleet.trends.watched_series import SERIES, followed_by
 
-# Tires from which a fleet has a median wear, and excess over it that is a finding.
+# Tires from which a fleet has a median wear, and a median loss of pressure: the wheels of a car beside one that leaks.
 _LEAST_FLEET: Final = 4
+_LEAST_TIGHT: Final = 3
 # Driven and steered wheels wear by such a factor and more beside the others; and scatters of the fleet's rates.
 _FAST_WEAR: Final = 2.0
 _FAST_WEAR_SCATTERS: Final = 4.0
@@ -252,10 +253,10 @@ def _numbers_of(tires: Sequence[TireTrend], quantity: str) -> list[TrendNumber]:
     return [next(number for number in tire.numbers if number.quantity == quantity) for tire in tires]
 
 
-def _median_and_scatter(numbers: Sequence[TrendNumber]) -> tuple[float, float]:
+def _median_and_scatter(numbers: Sequence[TrendNumber], least: int) -> tuple[float, float]:
     """Return median and robust scatter of a fleet's valid numbers, NaN where they are too few."""
     values = np.array([number.value for number in numbers if number.status is Status.VALID])
-    if len(values) < _LEAST_FLEET:
+    if len(values) < least:
         return math.nan, math.nan
     median = float(np.median(values))
     return median, _MAD_TO_STD * float(np.median(np.abs(values - median)))
@@ -264,7 +265,7 @@ def _median_and_scatter(numbers: Sequence[TrendNumber]) -> tuple[float, float]:
 def _with_fast_wear(tires: Sequence[TireTrend]) -> tuple[TireTrend, ...]:
     """Add a finding to tires that wear much faster than the median of the fleet: that tires wear is none."""
     rates = _numbers_of(tires, Quantity.WEAR_RATE)
-    median_rate, scatter = _median_and_scatter(rates)
+    median_rate, scatter = _median_and_scatter(rates, _LEAST_FLEET)
     if math.isnan(median_rate):
         return tuple(tires)
     results = []
@@ -284,7 +285,7 @@ def _with_fast_wear(tires: Sequence[TireTrend]) -> tuple[TireTrend, ...]:
 def _without_permeation(tires: Sequence[TireTrend]) -> tuple[TireTrend, ...]:
     """Leave out the finding of a loss of pressure that tires of the fleet have alike: rubber lets gas through."""
     losses = _numbers_of(tires, Quantity.PRESSURE_LOSS)
-    median_kpa, scatter_kpa = _median_and_scatter(losses)
+    median_kpa, scatter_kpa = _median_and_scatter(losses, _LEAST_TIGHT)
     if math.isnan(median_kpa):
         return tuple(tires)
     excess_kpa = max(_EXCESS_LOSS_KPA, _EXCESS_LOSS * median_kpa, _EXCESS_LOSS_SCATTERS * scatter_kpa)

@@ -20,6 +20,7 @@ from gateway.core.reasons import Reason
 from gateway.core.text.output_file import write_whole
 from gateway.fleet.reasons import FleetCode
 from gateway.fleet.trends.trend_result import FleetTrends, TireTrend
+from gateway.fleet.trends.watched_series import SERIES
 
 FILE: Final = "marked-findings.json"
 """File of the dataset's folder."""
@@ -27,6 +28,7 @@ FILE: Final = "marked-findings.json"
 _FORMAT: Final = "treadlink marked findings"
 # Errors of both sizes by which a finding must have grown.
 _GROWN: Final = 3.5
+_LEAST_RATIO: Final = 1e-6
 # Values of findings that are their size, with their errors; a count has none.
 _SIZES: Final[Mapping[str, str]] = {
     "after_pa": "after_std_pa",
@@ -166,11 +168,16 @@ def _is_hidden(finding: Reason, mark: FindingMark | None, newest: str) -> bool:
 
 
 def size_of(finding: Reason) -> tuple[float, float]:
-    """Return size and error of a finding; 0 where it has none, which then never grows."""
+    """Return size and error of a finding, of a ratio those of its logarithm; 0 where it has none: it never grows."""
     values = dict(finding.values)
-    for name, std in _SIZES.items():
+    series = SERIES.get(str(values.get("name")))
+    for name, std_name in _SIZES.items():
         if name in values:
-            return float(str(values[name])), float(str(values.get(std, 0.0)))
+            size, std = float(str(values[name])), float(str(values.get(std_name, 0.0)))
+            if name == "change" and series is not None and series.watch.is_logarithm:
+                ratio = max(1.0 + size / 100.0, _LEAST_RATIO)
+                return 100.0 * math.log(ratio), std / ratio
+            return size, std
     return 0.0, 0.0
 
 

@@ -198,7 +198,8 @@ def trends_page(trends: FleetTrends) -> str:
 
 
 def _page(trends: FleetTrends) -> str:
-    drawn, findings, steps = _most_notable(trends), finding_rows(trends.tires), trend_steps(trends.tires)
+    notable, others = _drawn_tires(trends)
+    findings, steps = finding_rows(trends.tires), trend_steps(trends.tires)
     return result_page(
         *_TEMPLATE,
         title="Trends of tires and sensors",
@@ -209,8 +210,9 @@ def _page(trends: FleetTrends) -> str:
         steps=steps if len(steps) < len(findings) else [],
         tables=[_table(trends.tires, *table) for table in _TABLES],
         most_outliers=MOST_OUTLIERS,
-        drawn=_drawings(drawn),
-        drawings_left=len(trends.tires) - len(drawn),
+        drawn=_drawings(notable, "t"),
+        others_drawn=_drawings(others, "o"),
+        drawings_left=len(trends.tires) - len(notable) - len(others),
         clean=clean,
         day=day,
         findings=findings,
@@ -281,16 +283,19 @@ def _with_unit(number: TrendNumber) -> str:
     return f"{shown(number)} {shown_unit(number.unit).symbol}"
 
 
-def _most_notable(trends: FleetTrends) -> list[TireTrend]:
+def _drawn_tires(trends: FleetTrends) -> tuple[list[TireTrend], list[TireTrend]]:
+    """Return the tires that are drawn: those with findings, then outliers; and the others of the first ones."""
     with_outliers = {(outlier.vehicle, outlier.position, outlier.sensor_id) for outlier in trends.outliers}
-    order = sorted(
-        trends.tires,
-        key=lambda tire: (not tire.findings, (tire.vehicle, tire.position, tire.sensor_id) not in with_outliers),
-    )
-    return order[:MOST_FIGURES]
+
+    def rank(tire: TireTrend) -> int:
+        is_unfit = (tire.vehicle, tire.position, tire.sensor_id) in with_outliers
+        return 0 if tire.findings else 1 if is_unfit else 2
+
+    drawn = sorted(trends.tires, key=rank)[:MOST_FIGURES]
+    return [tire for tire in drawn if rank(tire) < 2], [tire for tire in drawn if rank(tire) == 2]
 
 
-def _drawings(tires: Sequence[TireTrend]) -> list[Drawing]:
+def _drawings(tires: Sequence[TireTrend], prefix: str) -> list[Drawing]:
     drawings = []
     with report_style():
         for number, tire in enumerate(tires):
@@ -300,5 +305,5 @@ def _drawings(tires: Sequence[TireTrend]) -> list[Drawing]:
             name = tire_name(tire)
             alt = f"Values of the recordings of {name} over distance or months, with the fitted trend."
             caption = clean(joined(tire.findings)) or "No finding."
-            drawings.append(Drawing(inline_svg(figure, f"t{number}"), alt, f"{name}.", caption))
+            drawings.append(Drawing(inline_svg(figure, f"{prefix}{number}"), alt, f"{name}.", caption))
     return drawings

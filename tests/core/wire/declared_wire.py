@@ -9,27 +9,10 @@ from typing import Any
 import construct as c
 import numpy as np
 
-from firmware_protocol import wire
+from firmware_protocol import messages, wire
 from firmware_protocol.declaration import PAYLOADS
 from firmware_protocol.layout import Field
-from firmware_protocol.messages import (
-    Challenge,
-    ChallengeAnswer,
-    CommandResult,
-    Coupling,
-    Environment,
-    Frame,
-    Hello,
-    HubStatus,
-    LogText,
-    Message,
-    MessageType,
-    SampleBlock,
-    SetRate,
-    SetStream,
-    SetTime,
-    TimeSync,
-)
+from firmware_protocol.messages import Frame, Message, MessageType
 from firmware_protocol.reference_frames import WireFrame, number, struct_of
 
 
@@ -57,12 +40,12 @@ def to_message(type_: int, fields: Mapping[str, Any]) -> Message:
         case MessageType.HELLO:
             values = {name: tuple(v) if isinstance(v, list) else v for name, v in fields.items()}
             firmware = tuple(values.pop(f"firmware_{part}") for part in ("major", "minor", "patch"))
-            return Hello(**values | {"firmware": firmware, "coupling": Coupling(values["coupling"])})
+            return messages.Hello(**values | {"firmware": firmware, "coupling": messages.Coupling(values["coupling"])})
         case MessageType.SAMPLES:
             counts = np.array(fields["counts"], "<i2").reshape(fields["n"], -1)
-            return SampleBlock(fields["first_sample"], fields["axes"], counts)
+            return messages.SampleBlock(fields["first_sample"], fields["axes"], counts)
         case MessageType.ENVIRONMENT:
-            return Environment(
+            return messages.Environment(
                 _physical(fields["pressure_pa"], 1, wire.NONE_I32),
                 _physical(fields["temperature_cdegc"], 100, wire.NONE_I16),
                 _physical(fields["supply_mv"], 1000, wire.NONE_U16),
@@ -72,23 +55,23 @@ def to_message(type_: int, fields: Mapping[str, Any]) -> Message:
             supply_w, supply_v = values.pop("supply_uw") / 1_000_000, values.pop("supply_mv") / 1000
             for name, none in (("battery_percent", wire.NONE_U8), ("rssi_dbm", wire.NONE_I8)):
                 values[name] = None if values[name] == none else values[name]
-            return HubStatus(**values, supply_w=supply_w, supply_v=supply_v)
+            return messages.HubStatus(**values, supply_w=supply_w, supply_v=supply_v)
         case MessageType.TIME_SYNC:
-            return TimeSync(**fields)
+            return messages.TimeSync(**fields)
         case MessageType.LOG_TEXT:
-            return LogText(fields["level"], fields["text"].decode(errors="replace"))
+            return messages.LogText(fields["level"], fields["text"].decode(errors="replace"))
         case MessageType.COMMAND_RESULT:
-            return CommandResult(**fields)
+            return messages.CommandResult(**fields)
         case MessageType.CHALLENGE_ANSWER:
-            return ChallengeAnswer(**fields)
+            return messages.ChallengeAnswer(**fields)
         case MessageType.SET_STREAM:
-            return SetStream(bool(fields["running"]))
+            return messages.SetStream(bool(fields["running"]))
         case MessageType.SET_RATE:
-            return SetRate(**fields)
+            return messages.SetRate(**fields)
         case MessageType.SET_TIME:
-            return SetTime(**fields)
+            return messages.SetTime(**fields)
         case MessageType.CHALLENGE:
-            return Challenge(**fields)
+            return messages.Challenge(**fields)
 
 
 def to_frame(frame: WireFrame) -> Frame:

@@ -6,7 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gateway.core.reasons import Reason
 from gateway.core.shown_units import ShownUnits
+from gateway.fleet.reasons import FleetCode
 from gateway.fleet.trends.fleet_analysis import analyse
 from gateway.fleet.trends.tire_history import MONTH_NS
 from gateway.fleet.views.finding_rows import finding_rows
@@ -45,6 +47,13 @@ def test_what_all_recordings_show_is_since_the_first():
     row = finding_rows([trend])[0]
     assert row.since == "2026-01-01, the first recording"
     assert " ± " in row.said
+
+
+@pytest.mark.parametrize(("change", "std", "times"), [(124.0, 94.0, 2), (-60.0, 10.0, 4)])
+def test_a_ratio_is_as_sure_as_its_logarithm(change: float, std: float, times: int):
+    (trend,) = analyse([history(1, 60)], recordings=60).tires
+    finding = Reason(FleetCode.TREND_SLOPE_CHANGED, name="noise_mps2", change=change, std=std, unit="%")
+    assert finding_rows([replace(trend, findings=(finding,))])[0].sure == f"{times} times its error"
 
 
 def test_terminal_and_page_say_since_when_how_sure_and_what_to_do_in_that_order():

@@ -201,6 +201,13 @@ def test_a_loss_that_all_tires_have_is_permeation(losses_kpa, leaking):
         assert loss.value == pytest.approx(loss_kpa, abs=3.5 * loss.std)
 
 
+def test_wheels_beside_one_that_was_punctured_have_no_leak():
+    tires = with_losses([3.0, 2.9, 3.2, 3.1])
+    tires[2].columns["pressure_pa"] -= 4e4 * (np.arange(COUNT) >= COUNT - 3)
+    trends = analyse(tires, recordings=4 * COUNT).tires
+    assert [tire.position for tire in trends if tire.findings] == ["RL"]
+
+
 def test_a_loss_that_becomes_slower_is_found_and_one_that_becomes_faster_has_one_error():
     months = np.concatenate([np.linspace(0.0, 2.8, 38), np.linspace(2.82, 3.6, 22)])
     found = []

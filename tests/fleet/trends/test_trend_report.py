@@ -43,6 +43,14 @@ def test_page_is_self_contained_and_escapes_names(trends):
     assert "_0005.mcap" in page
 
 
+def test_figures_of_tires_without_findings_are_folded(trends):
+    page = trends_page(trends)
+    folded = page.split("<summary>Tires without findings and outliers: 1")[1].split("</details>")[0]
+    assert "=car FR" in folded
+    assert folded.count("<svg") == 1
+    assert "leaks" not in folded
+
+
 @pytest.mark.parametrize(
     ("names", "said"),
     [
