@@ -748,8 +748,8 @@ def test_drive_face_is_one_click_away_remembered_and_in_the_chosen_units(browser
 
 
 @pytest.mark.parametrize("face", ["drive", "engineer"])
-def test_keyboard_and_screen_reader_reach_all_in_the_order_of_the_page(browser, served, items, face) -> None:
-    show(served, items)
+def test_keyboard_and_screen_reader_reach_all_in_the_order_of_the_page(browser, served, items, made, face) -> None:
+    show(served, items, lambda snapshot: dataclasses.replace(snapshot, alarms=(made.alarm("FR"),)))
     tab = browser.tab()
     tab.open(served.sink.address)
     tab.until("document.querySelectorAll('.wheel.rolling').length === 4")

@@ -1,13 +1,14 @@
 """Page of the accelerometers that are shipped: their data sheets, and what each can do on a tire at three speeds."""
 
 import functools
+import math
 from collections.abc import Iterator
 from typing import Final
 
 from gateway.core.constants import STANDARD_GRAVITY_MPS2
 from gateway.core.text.numbers import split_name
 from gateway.planner.accelerometer import Accelerometer, shipped_accelerometers
-from gateway.planner.planned_errors import AFTER, SensorPlan, fastest_mps, plan_sensor
+from gateway.planner.planned_errors import AFTER, SensorPlan, plan_sensor
 from gateway.simulator.scenario import load_scenario
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.time_series import constant
@@ -96,8 +97,11 @@ def _tire(scenario: Scenario, radius_mm: float | None, load_n: float | None, pre
 
 
 def _fastest_mps(scenario: Scenario, part: Accelerometer) -> float:
-    """Return the speed at which the peak fills the range; no drive is needed for it."""
-    return fastest_mps(plan_sensor(scenario, part.model_copy(update={"noise_mg_rthz": None}), _SLOW_MPS, wheels=1))
+    """Return the speed at which the peak reaches the range or what the part survives: it grows with the square."""
+    plan = plan_sensor(scenario, part.model_copy(update={"noise_mg_rthz": None}), _SLOW_MPS, wheels=1)
+    limit_g = min(part.range_g, part.survival_g or math.inf)
+    square_ratio = (limit_g - 1.0) / (plan.peak_mps2 / STANDARD_GRAVITY_MPS2 - 1.0)
+    return plan.speed_mps * math.sqrt(max(square_ratio, 0.0))
 
 
 def _plans(scenario: Scenario, part: Accelerometer) -> list[SensorPlan]:

@@ -140,10 +140,6 @@ class World:
         steady = (self.revolutions + 2.5) * 2.0 * math.pi / self.omega_radps
         return min(steady, 0.5 / abs(self.drift_per_s)) if self.drift_per_s < 0.0 else steady
 
-    def at_number(self, load_number: float) -> World:
-        """Return the same tire under the load of another load number."""
-        return replace(self, load_n=load_number * self.pressure_pa * self.radius_m**2)
-
     def plan(self) -> WheelPlan:
         """Return the simulated wheel."""
         bs, cw, rs, ts = self.numbers
