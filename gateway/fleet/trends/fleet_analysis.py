@@ -253,10 +253,10 @@ def _numbers_of(tires: Sequence[TireTrend], quantity: str) -> list[TrendNumber]:
     return [next(number for number in tire.numbers if number.quantity == quantity) for tire in tires]
 
 
-def _median_and_scatter(numbers: Sequence[TrendNumber], least: int) -> tuple[float, float]:
+def _median_and_scatter(numbers: Sequence[TrendNumber], min_count: int) -> tuple[float, float]:
     """Return median and robust scatter of a fleet's valid numbers, NaN where they are too few."""
     values = np.array([number.value for number in numbers if number.status is Status.VALID])
-    if len(values) < least:
+    if len(values) < min_count:
         return math.nan, math.nan
     median = float(np.median(values))
     return median, _MAD_TO_STD * float(np.median(np.abs(values - median)))

@@ -28,7 +28,7 @@ FILE: Final = "marked-findings.json"
 _FORMAT: Final = "treadlink marked findings"
 # Errors of both sizes by which a finding must have grown.
 _GROWN: Final = 3.5
-_LEAST_RATIO: Final = 1e-6
+_MIN_RATIO: Final = 1e-6
 # Values of findings that are their size, with their errors; a count has none.
 _SIZES: Final[Mapping[str, str]] = {
     "after_pa": "after_std_pa",
@@ -175,7 +175,7 @@ def size_of(finding: Reason) -> tuple[float, float]:
         if name in values:
             size, std = float(str(values[name])), float(str(values.get(std_name, 0.0)))
             if name == "change" and series is not None and series.watch.is_logarithm:
-                ratio = max(1.0 + size / 100.0, _LEAST_RATIO)
+                ratio = max(1.0 + size / 100.0, _MIN_RATIO)
                 return 100.0 * math.log(ratio), std / ratio
             return size, std
     return 0.0, 0.0

@@ -198,7 +198,7 @@ def trends_page(trends: FleetTrends) -> str:
 
 
 def _page(trends: FleetTrends) -> str:
-    notable, others = _drawn_tires(trends)
+    notable, healthy = _drawn_tires(trends)
     findings, steps = finding_rows(trends.tires), trend_steps(trends.tires)
     return result_page(
         *_TEMPLATE,
@@ -211,8 +211,8 @@ def _page(trends: FleetTrends) -> str:
         tables=[_table(trends.tires, *table) for table in _TABLES],
         most_outliers=MOST_OUTLIERS,
         drawn=_drawings(notable, "t"),
-        others_drawn=_drawings(others, "o"),
-        drawings_left=len(trends.tires) - len(notable) - len(others),
+        healthy_drawn=_drawings(healthy, "h"),
+        drawings_left=len(trends.tires) - len(notable) - len(healthy),
         clean=clean,
         day=day,
         findings=findings,
@@ -284,7 +284,7 @@ def _with_unit(number: TrendNumber) -> str:
 
 
 def _drawn_tires(trends: FleetTrends) -> tuple[list[TireTrend], list[TireTrend]]:
-    """Return the tires that are drawn: those with findings, then outliers; and the others of the first ones."""
+    """Return the tires that are drawn: those with findings or outliers, and healthy ones."""
     with_outliers = {(outlier.vehicle, outlier.position, outlier.sensor_id) for outlier in trends.outliers}
 
     def rank(tire: TireTrend) -> int:
