@@ -1,4 +1,4 @@
-"""Print the share of local changes that trends see over their size, and false ones, on the blind rig's rings.
+"""Print how many local changes trends see and place, by their size, and false ones, on the blind rig's rings.
 
     python tools/bench_structure.py FOLDER [TIRES]
 
@@ -122,8 +122,8 @@ def _piece(answers: Answers, kind: int, place_rad: float, half_rad: float, share
 
 def tire(
     answers: Answers, seed: int, kind: int = 0, share: float = 0.0, noise: float = 3e-3, *, is_sudden: bool = False
-) -> TireHistory:
-    """Return sixty recordings of a tire; `share` of a kind is lost at a random place, bit by bit or at once."""
+) -> tuple[TireHistory, float]:
+    """Return sixty recordings of a tire and the place, rad, where `share` of a kind is lost, bit by bit or at once."""
     rng = np.random.default_rng([67, seed])
     time = np.sort(rng.uniform(0.0, 1.0, COUNT))
     kmh = np.clip(rng.uniform(52, 80) + rng.normal(0, 9, COUNT) + rng.normal(0, 6) * time, 42, 98)
@@ -134,7 +134,8 @@ def tire(
     for number in range(6):
         place, half = rng.uniform(-np.pi, np.pi), math.radians(rng.uniform(3, 10))
         fixed = fixed + _piece(answers, number % 2, place, half, rng.normal(0.0, 0.2))
-    grown = _piece(answers, kind, rng.uniform(-np.pi, np.pi), math.radians(_HALF_DEG), -share)
+    place_rad = rng.uniform(-np.pi, np.pi)
+    grown = _piece(answers, kind, place_rad, math.radians(_HALF_DEG), -share)
     course = (time > rng.uniform(0.3, 0.8)).astype(np.float64) if is_sudden else time
     by_speed = [np.prod([(kmh - b) / (a - b) for b in KMH if b != a], axis=0) for a in KMH]
     weights = np.stack(by_speed, axis=1)[:, :, None] * np.stack([1.0 - heavy, heavy], axis=1)[:, None, :]
@@ -152,26 +153,30 @@ def tire(
         "pressure_pa": 2.2e5 * (1.0 - 0.08 * low) + rng.normal(0.0, 500.0, COUNT),
     }
     times_ns = np.round(4.0 * MONTH_NS * time).astype(np.int64)
-    return TireHistory("car", "FL", "0000a001", names, names, times_ns, 3000.0 * time, True, columns, {})
+    history = TireHistory("car", "FL", "0000a001", names, names, times_ns, 3000.0 * time, True, columns, {})
+    return history, place_rad % (2.0 * math.pi)
 
 
 def main(folder: Path, tires: int) -> None:
     """Print the curve."""
     rings = [answers_of(number, folder) for number in range(len(RINGS))]
-    false = sum(structure_changes([tire(rings[seed % 2], seed)])[0] is not None for seed in range(3 * tires))
+    false = sum(structure_changes([tire(rings[seed % 2], seed)[0]])[0] is not None for seed in range(3 * tires))
     print(f"healthy tires with a finding: {false} of {3 * tires}", flush=True)
     for kind, (name, (sizes, unit, is_sudden)) in enumerate(_KINDS.items()):
         for size in sizes:
-            seen = 0
+            seen, within = 0, []
             for seed in range(tires):
                 ring = RINGS[seed % 2]
                 # The trapezium of a place holds two thirds of its width.
                 place_kg = ring.mass_kgpm * ring.radius_m * math.radians(4.0 / 3.0 * _HALF_DEG)
                 share = 1e-3 * size / place_kg if unit == "g" else size
-                made = tire(rings[seed % 2], 1000 + seed, kind, share, is_sudden=is_sudden)
-                seen += structure_changes([made])[0] is not None
+                made, ahead_rad = tire(rings[seed % 2], 1000 + seed, kind, share, is_sudden=is_sudden)
+                change = structure_changes([made])[0]
+                seen += change is not None
+                if change is not None and change.ahead_rad is not None:
+                    within.append(change.ahead_rad[0] < ahead_rad < change.ahead_rad[1])
             lost = f"{size:g} {unit}" if unit else f"{100 * size:.0f} %"
-            print(f"{name} -{lost}: {seen} of {tires}", flush=True)
+            print(f"{name} -{lost}: {seen} of {tires}; place of {len(within)}, right {sum(within)}", flush=True)
 
 
 if __name__ == "__main__":

@@ -131,12 +131,17 @@ class FleetCode(Codes):
     TREND_STEPS = Code("{count} steps are fitted and not part of the trend")
     TREND_STIFFNESS_DRIFTS = Code("{name} changes by {share:±{std} %} a month, seen over {span_s:.3g days}")
     TREND_STRUCTURE_CHANGED = Code(
-        "structure: inspect the tire. Belt, tread, rim or sensor has changed at one place; which, and where, is not "
-        "known: the waveform far from the sensor's contact {course}, now by {change:±{std} %} of the "
-        "centripetal acceleration, {scatters:.1f} scatters of a recording",
+        "structure: inspect the tire {place}: the waveform far from the sensor's contact {course}, now by "
+        "{change:±{std} %} of the centripetal acceleration, {scatters:.1f} scatters of a recording",
         course={
             "growing": "grows since {date}",
             "sudden": "has changed at once by {date}",
+        },
+        place={
+            "ahead": "{from_rad:.0f deg} to {to_rad:.0f deg} ahead of the sensor, the part that enters the contact "
+            "before it. Belt, tread or rim has changed there, or the sensor; which is not known",
+            "unknown": "all around. Belt, tread, rim or sensor has changed at one place; which, and where, is not "
+            "known",
         },
     )
     TREND_TEMPERATURE_CONSTANT = Code("the temperature varies too little, or is not known")

@@ -226,9 +226,12 @@ def _structure_findings(history: TireHistory, change: StructureChange | None) ->
     """Return the finding of a structure that changes, where there is one."""
     if change is None:
         return []
+    bounds = {} if change.ahead_rad is None else dict(zip(("from_rad", "to_rad"), change.ahead_rad, strict=True))
     return [
         Reason(
             FleetCode.TREND_STRUCTURE_CHANGED,
+            place="ahead" if bounds else "unknown",
+            **bounds,
             course="sudden" if change.is_sudden else "growing",
             date=date_of(int(history.time_ns[change.begin])),
             change=change.share,

@@ -1,6 +1,7 @@
 """A local change that grows is seen in the waveform far from the contact; load, speed and wear are none."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -10,6 +11,9 @@ from gateway.fleet.reasons import FleetCode
 from gateway.fleet.trends.fleet_analysis import analyse
 from gateway.fleet.trends.structure_trend import FIRST_ORDER, LAST_ORDER, StructureChange, structure_changes
 from gateway.fleet.trends.tire_history import TireHistory
+from gateway.ring.rolling_ring import Change, loaded_belt, local_response
+from gateway.ring.rolling_ring.equilibrium import solve_rolling_ring
+from tests.testkit.exact_ring import BASE_RING
 from tests.testkit.tire_histories import history
 
 COUNT = 60
@@ -17,9 +21,12 @@ ORDERS = np.arange(FIRST_ORDER, LAST_ORDER + 1)
 
 
 def with_waves(
-    seed: int, size: float, course: np.ndarray, *, place_rad: float = 2.0, count: int = COUNT
+    seed: int, size: float, course: np.ndarray, *, place_rad: float = 2.0, count: int = COUNT, shape=None
 ) -> TireHistory:
-    """Return a tire whose waveform turns with the speed and the load, with a packet that follows a course."""
+    """Return a tire whose waveform turns with the speed and the load, with a packet that follows a course.
+
+    The packet's orders are of one size about an angle, or have a `shape`.
+    """
     rng = np.random.default_rng(seed)
     tire = history(seed, count, months=4.0)
     speed = rng.uniform(12.0, 24.0, count)
@@ -28,7 +35,8 @@ def with_waves(
     contact = tire.column("contact_length_m")
     orders = fixed * np.exp(0.02j * speed[:, None] * rng.normal(size=len(ORDERS)))
     orders = orders + load * ((contact - contact.mean()) / contact.std())[:, None]
-    packet = size / np.sqrt(len(ORDERS)) * np.exp(1j * ORDERS * place_rad)
+    shape = np.exp(1j * ORDERS * place_rad) if shape is None else shape
+    packet = size * shape / np.linalg.norm(shape)
     orders = orders + packet * course[:, None]
     orders = orders + 4e-4 * (rng.normal(size=orders.shape) + 1j * rng.normal(size=orders.shape))
     parts = np.stack([orders.real, orders.imag], axis=2).reshape(count, -1)
@@ -50,6 +58,46 @@ def test_change_is_seen_with_its_size_place_and_course(course, is_sudden):
     assert change.is_sudden is is_sudden
     assert change.share == pytest.approx(0.02 / np.sqrt(2.0), rel=0.3)
     assert abs(change.begin - (36 if is_sudden else 0)) <= 6
+    assert change.ahead_rad is not None
+    low, high = change.ahead_rad
+    assert low < 2.0 * np.pi - 2.0 < high
+
+
+@cache
+def ring_shapes(loss_s: float) -> np.ndarray:
+    """Return (2, kinds, patterns, orders) what the ring answers to what varies around it, at orders n and -n."""
+    solution = solve_rolling_ring(BASE_RING, 4500.0, 2.2e5, 60.0, nodes=480)
+    kinds = (Change.BENDING, Change.TREAD_STIFFNESS, Change.MASS)
+    curves = local_response(loaded_belt(solution), 60.0, loss_s, 0.003, kinds, PATTERNS)[0][:, :, 0]
+    theta = 2.0 * np.pi * np.arange(480) / 480 - np.pi
+    turning = curves * np.exp(-1j * PATTERNS[:, None] * theta)
+    return np.stack([turning @ np.exp(1j * np.outer(theta, sign * ORDERS)) for sign in (1, -1)])
+
+
+PATTERNS = np.arange(60)
+
+
+@pytest.mark.parametrize("loss_s", [3e-6, 7.5e-5])
+@pytest.mark.parametrize("kind", range(3))
+def test_place_of_what_changes_on_the_ring_is_within_its_bounds(loss_s, kind):
+    known = []
+    for ahead_rad in np.arange(0.2, 6.2, 0.4):
+        local = np.exp(-((0.06 * PATTERNS) ** 2) / 2.0 - 1j * PATTERNS * ahead_rad)
+        positive, negative = ring_shapes(loss_s)[:, kind]
+        change = structure_change(with_waves(1, 0.02, GROWING, shape=local @ positive + np.conj(local @ negative)))
+        assert change is not None
+        if change.ahead_rad is not None:
+            known.append(round(ahead_rad, 1))
+            low, high = change.ahead_rad
+            assert low < ahead_rad < high
+    assert {1.0, 1.4, 1.8} <= set(known)
+
+
+def test_place_of_waves_from_everywhere_is_not_known():
+    shape = sum(np.exp(1j * ORDERS * place_rad) for place_rad in (-1.0, -2.0, 2.5))
+    change = structure_change(with_waves(1, 0.02, GROWING, shape=shape))
+    assert change is not None
+    assert change.ahead_rad is None
 
 
 def test_tires_that_do_not_change_have_no_finding():
@@ -87,10 +135,12 @@ def test_few_or_missing_waveforms_say_nothing():
     assert structure_change(gone) is None
 
 
-def test_finding_names_neither_kind_nor_place():
-    (trend,) = analyse([with_waves(1, 0.02, GROWING)], recordings=COUNT).tires
+@pytest.mark.parametrize("is_spread", [False, True])
+def test_finding_names_no_kind_and_a_place_where_it_is_shown(is_spread):
+    shape = sum(np.exp(1j * ORDERS * place_rad) for place_rad in ((-1.0, -2.0, 2.5) if is_spread else (-2.0,)))
+    (trend,) = analyse([with_waves(1, 0.02, GROWING, shape=shape)], recordings=COUNT).tires
     (finding,) = [reason for reason in trend.findings if reason.code is FleetCode.TREND_STRUCTURE_CHANGED]
     said = text(finding)
     assert "grows since" in said
-    assert "where, is not known" in said
-    assert "deg" not in said
+    assert ("where, is not known" in said) is is_spread
+    assert ("inspect the tire 108 deg to 169 deg ahead of the sensor" in said) is not is_spread
