@@ -64,7 +64,7 @@ def damping_bound(*, torque_known: bool) -> DampingBound:
     The contact centre is not known. Numbers and tread are: they act on the even part of the signal.
     """
     used = [0, 1, 2] if torque_known else [0, 1, 2, 3]
-    rows = _derivatives(TABLE_3_LOAD_N)[used]
+    rows = _derivatives()[used]
     std_m = NOISE_MG_PER_RTHZ * 1e-3 * STANDARD_GRAVITY_MPS2 / math.sqrt(2.0 * math.pi / OMEGA_RADPS) / OMEGA_RADPS**2
     stacked = np.concatenate([rows.real, rows.imag], axis=1) / std_m
     covariance = np.linalg.inv(stacked @ stacked.T)
@@ -77,7 +77,7 @@ def damping_bound(*, torque_known: bool) -> DampingBound:
     )
 
 
-def fitted_dampings(load_n: float = TABLE_3_LOAD_N, ratio: float = 1.0) -> tuple[float, float]:
+def fitted_dampings(load_n: float, ratio: float = 1.0) -> tuple[float, float]:
     """Return c_w and c_v over the true c_w that Eq. 11 fits to the phases of an exact ring, the true numbers given.
 
     Fits s_n / c_n = n x + n (c_w n^2 + c_v) Omega / (p0 D_n) over orders 2 to 15, x the shift of the contact pressure.
@@ -102,7 +102,7 @@ def _eq_11(figure: Figure) -> str:
         lag_axes.plot(_ORDERS, 1e3 * lag, marker="o", markersize=2.5, label=name)
     lag_axes.set(xlabel="mode number n", ylabel="phase lag n γn, mrad", xlim=(0, 30), ylim=(0, None))
     lag_axes.legend(fontsize=8.0)
-    rows = _derivatives(TABLE_3_LOAD_N)
+    rows = _derivatives()
     labels = ("c_w", "c_v", "contact centre, 1 mrad", "driving torque, 100 N m")
     for row, scale, label in zip(rows, (1.0, 1.0, 1e-3, 100.0), labels, strict=True):
         signal_axes.plot(_ORDERS, -1e3 * scale * row.imag, label=label)
@@ -146,8 +146,8 @@ def _rolling(ring: RingParameters, load_n: float) -> RingSolution:
     return solve_rolling_ring(ring, load_n, TABLE_3_PRESSURE_PA, OMEGA_RADPS, nodes=_NODES)
 
 
-@lru_cache(maxsize=4)
-def _derivatives(load_n: float) -> ComplexArray:
+@lru_cache(maxsize=1)
+def _derivatives() -> ComplexArray:
     """Return the derivatives of the orders 2 to 30 of s / Omega^2, m, (4, n): by ln c_w, ln c_v, centre and torque."""
     ring = _damped(1.0)
 
@@ -158,7 +158,13 @@ def _derivatives(load_n: float) -> ComplexArray:
             tangential_damping_ratio=tangential / radial,
         )
         return solve_rolling_ring(
-            varied, load_n, TABLE_3_PRESSURE_PA, OMEGA_RADPS, nodes=_NODES, axle_torque_nm=torque_nm, start=start
+            varied,
+            TABLE_3_LOAD_N,
+            TABLE_3_PRESSURE_PA,
+            OMEGA_RADPS,
+            nodes=_NODES,
+            axle_torque_nm=torque_nm,
+            start=start,
         )
 
     base = solved(1.0, 1.0, 0.0)

@@ -83,7 +83,8 @@ def _titled(draw: Callable[..., str], *arguments: object) -> Draw:
     return drawing
 
 
-_Fitted = Sequence[tuple[MeasuredTire, Waveforms, FloatArray]]
+# Wheels with coefficients, m: orders of Eq. 27, or of the lateral axis.
+_WithOrders = Sequence[tuple[MeasuredTire, Waveforms, FloatArray]]
 
 
 def _waveforms(tires: Sequence[MeasuredTire]) -> list[tuple[MeasuredTire, Waveforms]]:
@@ -93,7 +94,7 @@ def _waveforms(tires: Sequence[MeasuredTire]) -> list[tuple[MeasuredTire, Wavefo
     return with_waveforms
 
 
-def _fitted(tires: Sequence[MeasuredTire]) -> _Fitted:
+def _fitted(tires: Sequence[MeasuredTire]) -> _WithOrders:
     """Return the wheels with the orders of Eq. 27, m."""
     fitted = []
     for tire, waveforms in _waveforms(tires):
@@ -163,7 +164,7 @@ def _panels(figure: Figure, count: int) -> list[SubFigure]:
     return panels[:count]
 
 
-def _fig_11(fitted: _Fitted, figure: Figure) -> str:
+def _fig_11(fitted: _WithOrders, figure: Figure) -> str:
     """Standing-wave amplitudes of the radial acceleration: signal and fitted linear ring."""
     residuals = []
     for (tire, waveforms, orders), panel in zip(fitted, _panels(figure, len(fitted)), strict=True):
@@ -177,7 +178,7 @@ def _fig_11(fitted: _Fitted, figure: Figure) -> str:
     )
 
 
-def _fig_12(fitted: _Fitted, figure: Figure) -> str:
+def _fig_12(fitted: _WithOrders, figure: Figure) -> str:
     """Radial acceleration over a revolution: signal and fitted linear ring."""
     errors = []
     for (tire, waveforms, orders), panel in zip(fitted, _panels(figure, len(fitted)), strict=True):
@@ -286,10 +287,7 @@ def _trend(points: _Points, label: str, against: str, figure: Figure) -> str:
     return f"Against {against}: {trends}. Bars are one standard error."
 
 
-_Lateral = Sequence[tuple[MeasuredTire, Waveforms, FloatArray]]
-
-
-def _lateral(tires: Sequence[MeasuredTire]) -> _Lateral:
+def _lateral(tires: Sequence[MeasuredTire]) -> _WithOrders:
     """Return the wheels with the coefficients of their lateral axis, m."""
     lateral = [(tire, wave, wave.lateral_m) for tire, wave in _waveforms(tires) if wave.lateral_m is not None]
     if not lateral:
@@ -304,7 +302,7 @@ def _make_ply_2(tires: Sequence[MeasuredTire]) -> Draw:
     return _titled(_ply_2, lateral)
 
 
-def _ply_2(lateral: _Lateral, figure: Figure) -> str:
+def _ply_2(lateral: _WithOrders, figure: Figure) -> str:
     """Lateral acceleration of all recordings."""
     axes = figure.subplots()
     sizes = []
@@ -317,7 +315,7 @@ def _ply_2(lateral: _Lateral, figure: Figure) -> str:
     return f"Extrema of orders {ORDERS.start} to {ORDERS.stop - 1}, without the sensor's roll: {'; '.join(sizes)}."
 
 
-def _ply_11(lateral: _Lateral, figure: Figure) -> str:
+def _ply_11(lateral: _WithOrders, figure: Figure) -> str:
     """Lateral acceleration, mean of the samples and its orders that the estimator uses."""
     sizes = []
     for (tire, waveforms, lateral_m), panel in zip(lateral, _panels(figure, len(lateral)), strict=True):
@@ -369,14 +367,10 @@ def _condition(tire: MeasuredTire) -> str:
     return ", ".join(parts)
 
 
-def _make_fitted(draw: Callable[..., str], tires: Sequence[MeasuredTire]) -> Draw:
-    return _titled(draw, _fitted(tires))
-
-
 _FIGURES: Final[dict[str, Callable[[Sequence[MeasuredTire]], Draw]]] = {
     "ring-fig-7": _make_fig_7,
-    "ring-fig-11": partial(_make_fitted, _fig_11),
-    "ring-fig-12": partial(_make_fitted, _fig_12),
+    "ring-fig-11": lambda tires: _titled(_fig_11, _fitted(tires)),
+    "ring-fig-12": lambda tires: _titled(_fig_12, _fitted(tires)),
     "ring-fig-13": partial(_make_trend, "Bs", "Bending stiffness number against wear", "wear"),
     "ring-fig-14": partial(_make_trend, "Cw", "Contact width number against pressure number", "pressure number"),
     "ring-fig-15": partial(_make_trend, "Rs", "Radial stiffness number against contact angle", "contact angle"),

@@ -123,8 +123,11 @@ def _fig_10(figure: Figure) -> str:
     n = _INFLUENCE_ORDERS
     terms = stiffness_terms(n) * np.array(TABLE_3_NUMBERS)
     shares = terms / modal_stiffness(n, TABLE_3_NUMBERS)[:, np.newaxis]
-    influence = _influence(Kinematics.CORRECTED)
-    printed = _influence(Kinematics.PRINTED)
+    # Size of d (s_n / Omega^2) / d ln number: the order times the share of Dn.
+    influence, printed = (
+        np.abs(_signal_orders(kinematics)[:, np.newaxis] * shares)
+        for kinematics in (Kinematics.CORRECTED, Kinematics.PRINTED)
+    )
     for index, name in enumerate(RING_NUMBERS):
         (line,) = share_axes.plot(n, 100.0 * shares[:, index], marker="o", markersize=2.5, label=name)
         signal_axes.plot(n, 1e3 * influence[:, index], color=line.get_color(), label=name)
@@ -195,10 +198,10 @@ def _exact_force(ring: RingSolution) -> FloatArray:
     return result
 
 
-def _influence(kinematics: Kinematics) -> FloatArray:
-    """Return the size of d (s_n / Omega^2) / d ln number, m, (n, 4): the order times the share of Dn."""
+def _signal_orders(kinematics: Kinematics) -> FloatArray:
+    """Return the orders of s / Omega^2 of the new tire's linear ring, m, (n,)."""
     tire = new_tire()
-    orders = signal_orders(
+    return signal_orders(
         _INFLUENCE_ORDERS,
         TABLE_3_NUMBERS,
         load_n=tire.ring.load_n,
@@ -207,10 +210,6 @@ def _influence(kinematics: Kinematics) -> FloatArray:
         half_angle_rad=tire.half_angle_rad,
         kinematics=kinematics,
     )
-    terms = stiffness_terms(_INFLUENCE_ORDERS) * np.array(TABLE_3_NUMBERS)
-    shares = terms / modal_stiffness(_INFLUENCE_ORDERS, TABLE_3_NUMBERS)[:, np.newaxis]
-    result: FloatArray = np.abs(orders[:, np.newaxis] * shares)
-    return result
 
 
 def _orders_with_most(influence: FloatArray) -> int:

@@ -147,11 +147,8 @@ class ModalFit:
         numbers: (4,) Bs, Cw, Rs, Ts.
         free: (4,) False where a number is held at 0.
         half_angle_rad: of the contact.
-        centre_rad: middle of the contact.
-        shape: (4,) Legendre coefficients of the contact pressure, degrees 1 to 4.
         response: (4, m) complex; the numbers change by the real part of response @ conj(change of the orders over R).
         residual: (m,) complex orders over R.
-        misfit: chi-square over its degrees of freedom.
         residual_share: rms residual over rms signal.
         parameters: of the fit, to start the next one from.
     """
@@ -159,11 +156,8 @@ class ModalFit:
     numbers: FloatArray
     free: BoolArray
     half_angle_rad: float
-    centre_rad: float
-    shape: FloatArray
     response: ComplexArray
     residual: ComplexArray
-    misfit: float
     residual_share: float
     parameters: FloatArray
 
@@ -259,18 +253,14 @@ def _result(fit: BoundedFit, model: _LinearRing, coefficients: ComplexArray) -> 
     normal = fit.jacobian.T @ fit.jacobian
     normal += 1e-14 * np.trace(normal) * np.eye(len(normal))
     inverse = np.linalg.solve(normal, fit.jacobian.T)[:4] * NUMBER_UNITS[:, np.newaxis]
-    nuisance = model.nuisance(fit.parameters)
     residual = _complex(fit.residuals[:m], fit.residuals[m : 2 * m]) / model.weights
     response = _complex(inverse[:, :m], inverse[:, m : 2 * m]) * model.weights
     return ModalFit(
         numbers=np.where(free, fit.parameters[:4], 0.0) * NUMBER_UNITS,
         free=free,
-        half_angle_rad=float(nuisance[0]),
-        centre_rad=float(nuisance[1]),
-        shape=nuisance[2:],
+        half_angle_rad=float(model.nuisance(fit.parameters)[0]),
         response=response,
         residual=residual,
-        misfit=fit.cost / (2 * m - 4),
         residual_share=float(np.linalg.norm(residual) / np.linalg.norm(coefficients)),
         parameters=fit.parameters,
     )

@@ -132,7 +132,6 @@ class RingFit:
             that are not free.
         angle_derivative: (4,) change of the numbers per rad of contact half angle.
         residual_share: rms residual over rms signal.
-        evaluations: of the model.
     """
 
     numbers: FloatArray
@@ -140,7 +139,6 @@ class RingFit:
     covariance: FloatArray
     angle_derivative: FloatArray
     residual_share: float
-    evaluations: int
 
 
 def fit_ring_numbers(
@@ -176,7 +174,7 @@ def fit_ring_numbers(
     if not (math.isfinite(power) and power > 0.0 and bool(np.isfinite(numerator).all())):
         return None
 
-    fit, evaluations = _best_fit(_LinearRing(terms, numerator), coefficients_m, warm)
+    fit = _best_fit(_LinearRing(terms, numerator), coefficients_m, warm)
     if not math.isfinite(fit.cost):
         return None
     free = fit.parameters > _ON_BOUND
@@ -191,7 +189,6 @@ def fit_ring_numbers(
         covariance=covariance * np.outer(_UNITS, _UNITS),
         angle_derivative=angle_derivative * _UNITS,
         residual_share=math.sqrt(fit.cost / power),
-        evaluations=evaluations,
     )
 
 
@@ -216,18 +213,17 @@ class _LinearRing:
         return result
 
 
-def _best_fit(ring: _LinearRing, data: FloatArray, warm: FloatArray | None) -> tuple[BoundedFit, int]:
-    """Return the fit from the warm start, or the best from all cold starts, and the evaluations spent."""
+def _best_fit(ring: _LinearRing, data: FloatArray, warm: FloatArray | None) -> BoundedFit:
+    """Return the fit from the warm start, or the best from all cold starts."""
     if warm is not None:
         # A number on its bound starts slightly above it, so that it can leave it.
         start = np.maximum(warm / _UNITS, 1e-3)
-        fit = fit_nonnegative(ring.values, data, start, curvature=ring.curvature, tolerance=1e-5)
-        return fit, fit.iterations
+        return fit_nonnegative(ring.values, data, start, curvature=ring.curvature, tolerance=1e-5)
     fits = [
         fit_nonnegative(ring.values, data, start, curvature=ring.curvature, tolerance=1e-6)
         for start in (_scaled_start(ring.values, data, np.array(shape)) for shape in _COLD_STARTS)
     ]
-    return min(fits, key=lambda fit: fit.cost), sum(fit.iterations for fit in fits)
+    return min(fits, key=lambda fit: fit.cost)
 
 
 def _scaled_start(model: Model, data: FloatArray, shape: FloatArray) -> FloatArray:

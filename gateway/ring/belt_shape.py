@@ -62,7 +62,6 @@ class BeltShape:
         tangent: (b, m) complex.
         position: (b, m) complex, -i at theta = 0; the deflection at the contact, which moves the belt up, is not
             included.
-        closure: (b,) change of order 1 that closes the belt.
     """
 
     orders: FloatArray
@@ -70,7 +69,6 @@ class BeltShape:
     angle_rad: FloatArray
     tangent: ComplexArray
     position: ComplexArray
-    closure: FloatArray
 
 
 def orders_about(
@@ -146,7 +144,6 @@ def belt_shape(orders: FloatArray) -> BeltShape:
         angle_rad=angle,
         tangent=tangent,
         position=-1j + integrate_from_zero(tangent),
-        closure=closed[:, 1] - orders[:, 1],
     )
 
 

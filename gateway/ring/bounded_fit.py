@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from gateway.core.types import BoolArray, FloatArray
+from gateway.core.types import FloatArray
 
 # Returns model values (m,) and their Jacobian (m, k).
 Model = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
@@ -30,21 +30,15 @@ class BoundedFit:
 
     Attributes:
         parameters: (k,) at least 0.
-        free: (k,) False where a parameter is held at 0 because the data would make it negative.
         residuals: (m,) data minus model.
         jacobian: (m, k) of the model.
         cost: sum of squared residuals.
-        iterations: evaluations of the model.
-        converged: False when the fit ran out of evaluations.
     """
 
     parameters: FloatArray
-    free: BoolArray
     residuals: FloatArray
     jacobian: FloatArray
     cost: float
-    iterations: int
-    converged: bool
 
 
 def fit_nonnegative(
@@ -77,19 +71,14 @@ def fit_nonnegative(
     residuals = data - values
     cost = float(residuals @ residuals)
     damping = _FIRST_DAMPING
-    evaluations = 1
-    converged = False
     normal, gradient = _normal(parameters, residuals, jacobian, curvature), jacobian.T @ residuals
-    while evaluations < max_evaluations and not converged:
+    for _ in range(max_evaluations - 1):
         step = _projected_step(normal, gradient, parameters, damping)
         # Data that no parameters describe would drive them to infinity, quadratically with every step.
         trial = np.clip(parameters + step, 0.0, _MAX_GROWTH * max(1.0, float(parameters.max())))
-        reach = float(np.abs(trial - parameters).max())
-        if reach <= tolerance * float(parameters.max()):
-            converged = True
+        if float(np.abs(trial - parameters).max()) <= tolerance * float(parameters.max()):
             break
         values, new_jacobian = model(trial)
-        evaluations += 1
         new_residuals = data - values
         new_cost = float(new_residuals @ new_residuals)
         if new_cost <= cost:  # False for NaN as well
@@ -100,9 +89,8 @@ def fit_nonnegative(
         else:
             damping *= 8.0
             if damping > _MAX_DAMPING:
-                converged = True
-    free = (parameters > 0.0) | (gradient > 0.0)
-    return BoundedFit(parameters, free, residuals, jacobian, cost, evaluations, converged)
+                break
+    return BoundedFit(parameters, residuals, jacobian, cost)
 
 
 def _normal(

@@ -19,8 +19,6 @@ from numpy.typing import ArrayLike
 
 from gateway.core.types import ComplexArray, FloatArray
 
-UNIFORM: Final[tuple[float, ...]] = ()
-
 
 def unit_road_orders(
     orders: ArrayLike, half_angle_rad: float, degrees: int, centre_rad: float = 0.0
@@ -73,7 +71,7 @@ def road_orders(
     load_n: float,
     radius_m: float,
     half_angle_rad: float,
-    shape: Sequence[float] = UNIFORM,
+    shape: Sequence[float] = (),
     centre_rad: float = 0.0,
 ) -> ComplexArray:
     """Return alpha_n - i beta_n of a vertical push, N/m, (n,); Eq. 12's integrals with the tangential part added."""

@@ -119,15 +119,11 @@ class Determination:
         relative_error: (4,) standard error over value, noise and model; inf where on the bound.
         model_share: (4,) share of the model error in the variance.
         correlation: (4, 4) of noise and model error together; 0 where not free.
-        condition: of the correlation of the free numbers; 1 when they are independent.
-        determined: (4,) True where a number is determined.
     """
 
     relative_error: FloatArray
     model_share: FloatArray
     correlation: FloatArray
-    condition: float
-    determined: BoolArray
 
     def why_not(self, index: int, relative_error: float | None = None) -> tuple[Reason, ...]:
         """Return why a number, or its ratio to Cw of that relative error, is not determined."""
@@ -157,14 +153,8 @@ def determination(fitted: FittedNumbers) -> Determination:
     scale = np.where(has_error, std, 1.0)
     correlation = np.where(np.outer(has_error, has_error), covariance / np.outer(scale, scale), 0.0)
     correlation[np.diag_indices(4)] = 1.0
-    eigenvalues = np.linalg.eigvalsh(correlation[np.ix_(has_error, has_error)]) if has_error.any() else np.ones(1)
     share = np.where(has_error, np.diagonal(fitted.model) / np.square(scale), 0.0)
-    determined = relative * DETERMINED <= 1.0
-    if usable[0] and usable[_CW] and fitted.values[0] < _WEAK_BENDING * fitted.values[_CW]:
-        determined[0] = relative[0] * DETERMINED * _WEAK_FACTOR <= 1.0
-    return Determination(
-        relative, share, correlation, float(eigenvalues[-1] / max(float(eigenvalues[0]), 1e-300)), determined
-    )
+    return Determination(relative, share, correlation)
 
 
 def number_estimates(

@@ -67,10 +67,8 @@ class ForwardFit:
         noise: (SIZE, SIZE) covariance of the parameters from the noise of the orders.
         model: (SIZE, SIZE) covariance from model error (the residual by bands, with random signs), from priors, and
             from the errors of the sensor's offset and of the steady value.
-        misfit: mean square of the residual over its noise; about 1 when the model is right.
         half_angle_rad: half of the contact angle, extrapolated to zero grid step.
         half_angle_gradient: (SIZE,) derivative of the contact's half angle by the parameters.
-        steps: of Gauss-Newton.
         converged: False when the fit ran out of steps.
     """
 
@@ -79,10 +77,8 @@ class ForwardFit:
     residual: ComplexArray
     noise: FloatArray
     model: FloatArray
-    misfit: float
     half_angle_rad: float
     half_angle_gradient: FloatArray
-    steps: int
     converged: bool
 
     @property
@@ -179,10 +175,8 @@ def _fit(
         residual=residual,
         noise=by_noise,
         model=by_model,
-        misfit=float(np.mean(np.abs(residual[used]) ** 2 / (2.0 * variance[used]))),
         half_angle_rad=half_angle,
         half_angle_gradient=np.where(end.free, half_angle_gradient, 0.0),
-        steps=end.steps,
         converged=end.converged,
     )
 
@@ -194,14 +188,12 @@ class _End(NamedTuple):
         solution: the model.
         free: (SIZE,) parameters that were fitted.
         error: (m,) variance of model error.
-        steps: number of steps.
         converged: whether the last step was smaller than the standard errors.
     """
 
     solution: ForwardSolution
     free: BoolArray
     error: FloatArray
-    steps: int
     converged: bool
 
 
@@ -247,7 +239,7 @@ def _converge(
             break
         if size < 1.0:
             correction = model.refined(solution)[0] - solution.orders
-    return _End(solution, free, error, step, size < 1.0)
+    return _End(solution, free, error, size < 1.0)
 
 
 def _covariances(
@@ -406,7 +398,9 @@ def begin_waves(
     p = solution.parameters.copy()
     weight = np.where(used, 1.0 / np.sqrt(variance), 0.0)
     data = stacked(residual * weight)
-    for order_index, packet in zip((P.BEFORE_ORDER, P.AFTER_ORDER), solution.packets(), strict=True):
+    # Place of the order among the parameters, and cosine and sine of the packet among the bases.
+    places = (P.BEFORE_ORDER, slice(0, 2)), (P.AFTER_ORDER, slice(6, 8))
+    for (order_index, basis_rows), packet in zip(places, solution.packets(), strict=True):
         if not all_sides and packet.amplitude > _FAINT:
             continue
         best_gain = -1.0
@@ -415,11 +409,7 @@ def begin_waves(
                 break
             trial = p.copy()
             trial[order_index] = order
-            basis = (
-                model.wave_orders(trial, solution.ring)[:2]
-                if order_index is P.BEFORE_ORDER
-                else (model.wave_orders(trial, solution.ring)[6:8])
-            )
+            basis = model.wave_orders(trial, solution.ring)[basis_rows]
             columns = np.stack([stacked(row * weight) for row in basis], axis=1)
             amplitudes, *_ = np.linalg.lstsq(columns, data, rcond=None)
             gain = float(data @ (columns @ amplitudes))

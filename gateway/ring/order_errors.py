@@ -13,6 +13,10 @@ from gateway.core.types import ComplexArray, FloatArray
 BANDS: Final = (2, 4, 6, 9, 13, 18, 24, 31, 39, 48, ORDER_COUNT)
 _BAND_OF: Final = np.searchsorted(np.array(BANDS), np.arange(ORDER_COUNT), side="right").clip(1) - 1
 _BAND_COUNT: Final = len(BANDS) - 1
+# (bands, ORDER_COUNT): 1 for the orders of each band.
+_MASKS: Final[FloatArray] = np.where(
+    np.arange(ORDER_COUNT) >= BANDS[0], np.arange(_BAND_COUNT)[:, np.newaxis] == _BAND_OF, 0.0
+)
 # Least standard error of an order, as a share of the mean: resampling and rounding.
 _MIN_STD: Final = 1e-6
 # First of the bands in which the belt's shape has decayed to less than the waves that tread blocks make.
@@ -85,13 +89,6 @@ def band_mean(values: FloatArray) -> FloatArray:
     return result
 
 
-def _masks() -> FloatArray:
-    masks = np.zeros((_BAND_COUNT, ORDER_COUNT))
-    for band, (first, following) in enumerate(pairwise(BANDS)):
-        masks[band, first:following] = 1.0
-    return masks
-
-
 def _quarter_turn() -> FloatArray:
     """Cosine orders of sin(k |theta|), by k: 4 k / (pi (k^2 - n^2)) where k - n is odd, half of it at n = 0."""
     k, n = np.meshgrid(np.arange(ORDER_COUNT), np.arange(ORDER_COUNT), indexing="ij")
@@ -101,6 +98,5 @@ def _quarter_turn() -> FloatArray:
     return matrix
 
 
-_MASKS: Final[FloatArray] = _masks()
 QUARTER_TURN: Final[FloatArray] = _quarter_turn()
 """Matrix that turns the phase of even orders, of waves equal at both edges, by 90 degrees: orders @ QUARTER_TURN."""

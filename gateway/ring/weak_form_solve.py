@@ -8,7 +8,7 @@ bending would be too small by the square of the errors (docs/explanation/estimat
 
 import math
 from dataclasses import dataclass
-from typing import Final, Self
+from typing import Final
 
 import numpy as np
 
@@ -57,12 +57,6 @@ class WeakFormSolution:
     response: FloatArray
     correction: FloatArray
     misfit: FloatArray
-
-    def select(self, index: int) -> Self:
-        """Return one waveform's solution."""
-        row = slice(index, index + 1)
-        response = self.response if len(self.response) == 1 else self.response[row]
-        return type(self)(self.unknowns[row], self.free[row], response, self.correction[row], self.misfit[row])
 
 
 @dataclass(frozen=True, slots=True)

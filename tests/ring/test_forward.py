@@ -71,7 +71,6 @@ def test_numbers_are_recovered_at_any_load(load_n: float) -> None:
     check(fitted, ring, SMALL)
     assert fitted.half_angle_rad == pytest.approx(ring.half_angle_rad, rel=1e-3)
     assert fitted.parameters[P.ROAD_CURVATURE] == 0.0
-    assert 0.5 < fitted.misfit < 1.6
 
 
 @pytest.mark.parametrize(

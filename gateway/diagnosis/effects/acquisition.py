@@ -22,7 +22,7 @@ from gateway.diagnosis.effects.effect import (
     SignalEffect,
     Stage,
 )
-from gateway.diagnosis.effects.periodic_filter import ORDER, filtered, from_fine_grid, on_fine_grid, order_hz
+from gateway.diagnosis.effects.periodic_filter import ORDER, AxisAhead, filtered, from_fine_grid, on_fine_grid, order_hz
 
 _ROOT_2PI: Final = math.sqrt(2.0 * math.pi)
 # Least width of a knee over the limit, so that the ends of the clipped part stay differentiable.
@@ -141,7 +141,7 @@ class Clipping(SignalEffect):
             limit, width = self._limit(parameters)
             radial = on_fine_grid(block.signal_mps2[RADIAL])
             above, below = (radial - limit) / width, (-radial - limit) / width
-            by_limit = from_fine_grid(_normal_cdf(above) - _normal_cdf(below))
+            by_limit = from_fine_grid(ndtr(above) - ndtr(below))
             by_width = from_fine_grid(_normal_density(below) - _normal_density(above))
             change[0, RADIAL] = -limit * limit * (by_limit + by_width * width / limit)
             if abs(knee) > _MIN_KNEE:
@@ -271,7 +271,7 @@ class AcCoupling(SignalEffect):
         return 2.0 * math.pi / block.conditions.omega_radps
 
 
-class AxisDelay(SignalEffect):
+class AxisDelay(AxisAhead):
     """Delay of an axis against the radial one, by which the contact's centre is timed."""
 
     source = "sampling of the axes one after the other"
@@ -299,24 +299,10 @@ class AxisDelay(SignalEffect):
         self.equation = f"{name} a(t - delay): order n times exp(-i n omega delay)"
         self.observed_in = f"{name} axis, best at high speed: its contact edges come later than those of the radial one"
 
-    def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        """Return the axis as it was, less the axis."""
-        return self._filtered(block, np.expm1(-float(parameters[0]) * self._rate(block)))
-
-    def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        """Return minus the rate of the axis as it was."""
-        rate = self._rate(block)
-        return self._filtered(block, -rate * np.exp(-float(parameters[0]) * rate))[np.newaxis]
-
-    def _filtered(self, block: ModelledBlock, response: ComplexArray) -> FloatArray:
-        result = block.zeros()
-        result[self.axis] = filtered(block.signal_mps2[self.axis], response)
-        return result
-
     @staticmethod
-    def _rate(block: ModelledBlock) -> ComplexArray:
-        """Return i n omega of every order."""
-        return 2j * math.pi * order_hz(block.conditions)
+    def rate(block: ModelledBlock) -> ComplexArray:
+        """Return minus i n omega of every order."""
+        return -2j * math.pi * order_hz(block.conditions)
 
 
 def _low_pass(frequency_hz: ComplexArray, parameters: FloatArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
@@ -334,17 +320,12 @@ def _low_pass(frequency_hz: ComplexArray, parameters: FloatArray) -> tuple[Compl
 def _excess(mean: FloatArray, width: float) -> FloatArray:
     """Return the mean of max(x, 0) of a normal x of mean `mean` and standard deviation `width`."""
     z = mean / width
-    result: FloatArray = width * _normal_density(z) + mean * _normal_cdf(z)
+    result: FloatArray = width * _normal_density(z) + mean * ndtr(z)
     return result
 
 
 def _normal_density(z: FloatArray) -> FloatArray:
     result: FloatArray = np.exp(-0.5 * z * z) / _ROOT_2PI
-    return result
-
-
-def _normal_cdf(z: FloatArray) -> FloatArray:
-    result: FloatArray = ndtr(z)
     return result
 
 

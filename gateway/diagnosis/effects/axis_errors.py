@@ -15,10 +15,9 @@ from gateway.diagnosis.effects.effect import (
     LinearSignalEffect,
     ModelledBlock,
     Parameter,
-    SignalEffect,
     Stage,
 )
-from gateway.diagnosis.effects.periodic_filter import ORDER, filtered
+from gateway.diagnosis.effects.periodic_filter import ORDER, AxisAhead
 
 # Circumferential and lateral axes are chosen for +-16 g or more; they deviate by up to 2 % of that.
 _LEVEL_MPS2: Final = 16.0 * STANDARD_GRAVITY_MPS2
@@ -177,7 +176,7 @@ class CrossAxis(_SingleAxis):
         return other
 
 
-class AxisShift(SignalEffect):
+class AxisShift(AxisAhead):
     """Distance along the inner liner of an axis' element from the radial one, which times the contact's centre."""
 
     source = "geometry: elements side by side meet the road one after the other"
@@ -199,22 +198,8 @@ class AxisShift(SignalEffect):
             Confounder(("contact asymmetry", "structural damping"), "they change the radial axis too"),
         )
 
-    def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        """Return the axis as it is at its own place, less the axis."""
-        return self._filtered(block, np.expm1(float(parameters[0]) * self._rate(block)))
-
-    def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        """Return the rate of the axis at its own place."""
-        rate = self._rate(block)
-        return self._filtered(block, rate * np.exp(float(parameters[0]) * rate))[np.newaxis]
-
-    def _filtered(self, block: ModelledBlock, response: ComplexArray) -> FloatArray:
-        result = block.zeros()
-        result[self.axis] = filtered(block.signal_mps2[self.axis], response)
-        return result
-
     @staticmethod
-    def _rate(block: ModelledBlock) -> ComplexArray:
+    def rate(block: ModelledBlock) -> ComplexArray:
         """Return i n / R of every order; in reverse the element ahead is behind."""
         return (-1j if block.conditions.reverse else 1j) * ORDER / block.conditions.radius_m
 

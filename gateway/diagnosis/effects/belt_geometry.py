@@ -61,13 +61,8 @@ def relative_curvature(block: ModelledBlock) -> FloatArray:
     psi, whose derivative by theta it is, whatever the depth; for others the depth comes from `relative_offset`.
     """
     if block.shape.gravity_radial.any():
-        return _curvature_of_direction(block)
+        return _direction_slope(gravity_projections(block).tobytes(), block.theta_rad.tobytes())
     return _curvature_above(block, relative_offset(block))
-
-
-def _curvature_of_direction(block: ModelledBlock) -> FloatArray:
-    up = np.stack([block.shape.gravity_circumferential, block.shape.gravity_radial])
-    return _direction_slope(up.tobytes(), block.theta_rad.tobytes())
 
 
 @lru_cache(maxsize=64)
@@ -146,7 +141,7 @@ def relative_offset(block: ModelledBlock) -> float:
     if float(np.abs(tangential_m).max()) < _OFFSET_VISIBLE_SHARE * block.conditions.radius_m:
         return 0.0
     if block.shape.gravity_radial.any():
-        up = np.stack([block.shape.gravity_circumferential, block.shape.gravity_radial])
+        up = gravity_projections(block)
         return _depth_of(up.tobytes(), block.theta_rad.tobytes(), tangential_m.tobytes(), block.conditions.radius_m)
     offset = 0.0
     for _ in range(_DEPTH_STEPS):

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 
@@ -128,6 +128,11 @@ class _State(NamedTuple):
     conditions: GroupConditions
     offset: float
 
+    @classmethod
+    def of(cls, block: ModelledBlock) -> Self:
+        """Return the state of a block."""
+        return cls(block.leading_edge_rad, block.trailing_edge_rad, block.conditions, relative_offset(block))
+
 
 class TravellingEdgeWaves(SignalEffect):
     """Waves that the tread's blocks send along the belt from both edges, and a separate packet ahead of the contact.
@@ -202,9 +207,7 @@ class TravellingEdgeWaves(SignalEffect):
         """Return the packets; nothing without amplitude, whatever the orders."""
         if not parameters[_AMPLITUDE_INDICES].any():
             return block.zeros()
-        offset = relative_offset(block)
-        state = _State(block.leading_edge_rad, block.trailing_edge_rad, block.conditions, offset)
-        return self._contribution(state, tuple(parameters.tolist()))
+        return self._contribution(_State.of(block), tuple(parameters.tolist()))
 
     @lru_cache(maxsize=64)  # noqa: B019 - the catalogue's effects live as long as the program
     def _contribution(self, state: _State, parameters: tuple[float, ...]) -> FloatArray:
@@ -216,8 +219,7 @@ class TravellingEdgeWaves(SignalEffect):
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the derivatives by amplitudes, tread, belt, the packet ahead and the growth."""
-        offset = relative_offset(block)
-        state = _State(block.leading_edge_rad, block.trailing_edge_rad, block.conditions, offset)
+        state = _State.of(block)
         packets = self._packets(state, tuple(parameters.tolist()))
         rows = np.zeros((len(parameters), 2, len(_ORDER)), complex)
         for packet in packets:
@@ -303,21 +305,25 @@ class TireLockedEdgeWaves(SignalEffect):
 
     def reason_against(self, parameters: FloatArray, std: FloatArray) -> Reason | None:
         """Reject packets that end within one wave."""
-        return _fades_within_a_wave(
-            [(first, float(parameters[first + 2]), float(parameters[first + 3])) for first in (0, 4)], parameters, std
-        )
+        for edge, first in (("leading", 0), ("trailing", 4)):
+            amplitudes = slice(first, first + 2)
+            order, decay = parameters[first + 2 : first + 4].tolist()
+            is_present = np.hypot(*parameters[amplitudes]) > _DETERMINED_SIGMAS * np.hypot(*std[amplitudes])
+            if is_present and order < 2.0 * np.pi * decay:
+                return Reason(DiagnosisCode.FADES_WITHIN_ONE_WAVE, edge=edge, waves=order / (2.0 * np.pi * decay))
+        return None
 
     def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the packets; nothing without amplitude, whatever the orders."""
         if not parameters[[0, 1, 4, 5]].any():
             return block.zeros()
         waves = self._waves(block, parameters)
-        return _wave_signal(block, np.fft.rfft(waves[:, 0].real.sum(axis=0)))
+        return _wave_signal(_State.of(block), np.fft.rfft(waves[:, 0].real.sum(axis=0)))
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the derivatives by amplitudes and shapes."""
         rows = self._waves(block, parameters)[:, 1:].real.reshape(len(parameters), FIELD_SIZE)
-        return _wave_signal(block, np.fft.rfft(rows))
+        return _wave_signal(_State.of(block), np.fft.rfft(rows))
 
     def _waves(self, block: ModelledBlock, parameters: FloatArray) -> ComplexArray:
         """Return either packet and its derivatives by its four parameters, as complex curves (2, 5, FIELD_SIZE)."""
@@ -371,7 +377,7 @@ class TreadPitch(SignalEffect):
         if not parameters[:2].any():
             return block.zeros()
         wave = np.tensordot(parameters[:2], _pitch_waves(block, parameters)[0], 1)
-        return _wave_signal(block, np.fft.rfft(wave))
+        return _wave_signal(_State.of(block), np.fft.rfft(wave))
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the derivatives by amplitudes, order and width."""
@@ -383,24 +389,7 @@ class TreadPitch(SignalEffect):
             cosine * by_order[0] + sine * by_order[1],
             cosine * by_width[0] + sine * by_width[1],
         ]
-        return _wave_signal(block, np.fft.rfft(np.stack(rows)))
-
-
-def _fades_within_a_wave(
-    packets: Sequence[tuple[int, float, float]], parameters: FloatArray, std: FloatArray
-) -> Reason | None:
-    """Return at which edge a packet fades within one wavelength; None where none does.
-
-    Args:
-        packets: place of the two amplitudes, order and decay of the packets before and after.
-        parameters: of the effect.
-        std: of them.
-    """
-    for edge, (first, order, decay) in zip(("leading", "trailing"), packets, strict=True):
-        is_present = np.hypot(*parameters[first : first + 2]) > _DETERMINED_SIGMAS * np.hypot(*std[first : first + 2])
-        if is_present and order < 2.0 * np.pi * decay:
-            return Reason(DiagnosisCode.FADES_WITHIN_ONE_WAVE, edge=edge, waves=order / (2.0 * np.pi * decay))
-    return None
+        return _wave_signal(_State.of(block), np.fft.rfft(np.stack(rows)))
 
 
 def _slopes(wave: BeltWave, waves: Running, harmonic: int) -> tuple[ComplexArray, ComplexArray]:
@@ -449,11 +438,11 @@ def _pitch_waves(block: ModelledBlock, parameters: FloatArray) -> FloatArray:
     return np.stack([waves, np.stack([-side * theta * sine, side * theta * cosine]), waves * (square / width)])
 
 
-def _wave_signal(state: ModelledBlock | _State, wave: ComplexArray, along: ComplexArray | None = None) -> FloatArray:
+def _wave_signal(state: _State, wave: ComplexArray, along: ComplexArray | None = None) -> FloatArray:
     """Return the contribution of a wave of the belt's curvature to the axes.
 
     Args:
-        state: the block, or what a contribution depends on of it.
+        state: of the block.
         wave: its spectrum on the model's grid in R omega^2, (..., FIELD_SIZE // 2 + 1).
         along: that of the part that changes along the belt as it does for the sensor, kappa times the wave; None where
             all of it does.
@@ -463,11 +452,10 @@ def _wave_signal(state: ModelledBlock | _State, wave: ComplexArray, along: Compl
     """
     scale = state.conditions.radius_m * state.conditions.omega_radps**2
     result = np.zeros((*wave.shape[:-1], 3, FIELD_SIZE))
-    offset = state.offset if isinstance(state, _State) else relative_offset(state)
     # Without amplitude, the derivatives by all but the amplitudes are zero.
     for axis, spectrum, factor in (
         (RADIAL, wave, scale * _CURVATURE_FACTOR),
-        (CIRCUMFERENTIAL, wave if along is None else along, -offset * scale * _SLOPE_FACTOR),
+        (CIRCUMFERENTIAL, wave if along is None else along, -state.offset * scale * _SLOPE_FACTOR),
     ):
         is_nonzero = spectrum.any(axis=-1) & bool(factor.any())
         result[is_nonzero, axis] = np.fft.irfft(spectrum[is_nonzero] * factor, n=FIELD_SIZE, axis=-1)

@@ -42,6 +42,7 @@ CIRCUMFERENTIAL, LATERAL, RADIAL = range(3)
 FIELD_SIZE: Final = 512
 """Points of the angle grid theta = -pi + 2 pi k / FIELD_SIZE that the model works on."""
 
+_REFERENCE_MPS: Final = 65.0 / 3.6
 # A parameter whose prior standard deviation is below this share of its prior mean counts as known.
 _KNOWN_PRIOR_SHARE: Final = 0.02
 
@@ -193,6 +194,11 @@ class GroupConditions:
     offset_known: bool = True
     offset_measured: bool = False
     gain_std: float = 0.0
+
+    @property
+    def relative_speed(self) -> float:
+        """Speed over 65 km/h, at which sizes that grow with it are stated."""
+        return self.omega_radps * self.radius_m / _REFERENCE_MPS
 
 
 @dataclass(frozen=True, slots=True)

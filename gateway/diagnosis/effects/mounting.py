@@ -6,7 +6,7 @@ the sign of yaw and pitch changes.
 
 import math
 from collections.abc import Sequence
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 
@@ -36,10 +36,6 @@ _SMALL_ANGLE_RAD: Final = 1e-4
 def _angle(name: str) -> Parameter:
     # A sensor glued by hand sits within 5 deg. Beyond 20 deg the pipeline reports a wrong mounting.
     return Parameter(f"{name}_rad", "rad", -0.35, 0.35, 0.05, 1e-4, factor=math.degrees(1.0), display_unit="deg")
-
-
-# Linear to a percent from here.
-_TILT_START: Final = ((0.02,),)
 
 
 class MountingOffset(RingEffect):
@@ -131,7 +127,49 @@ class SensorLength(SignalEffect):
         return ORDER.real / (2.0 * block.conditions.radius_m)
 
 
-class YawTilt(SignalEffect):
+class _Tilt(SignalEffect):
+    """Rotation of the sensor about one axis, by which another leaks into the third.
+
+    Attributes:
+        leaking: axis that leaks.
+        into: axis that it leaks into, with a positive sign under a positive angle.
+    """
+
+    source = "rotation of the sensor frame"
+    # Linear to a percent from here.
+    start_values = ((0.02,),)
+    stage = Stage.MOUNTING
+    leaking: ClassVar[int]
+    into: ClassVar[int]
+
+    def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        """Return the change by the rotation."""
+        angle = self._sense(block) * float(parameters[0])
+        # cos - 1 without cancellation.
+        cosine_change, sine = -2.0 * math.sin(0.5 * angle) ** 2, math.sin(angle)
+        leaking, target = block.signal_mps2[self.leaking], block.signal_mps2[self.into]
+        change = block.zeros()
+        change[self.into] = cosine_change * target + sine * leaking
+        change[self.leaking] = cosine_change * leaking - sine * target
+        return change
+
+    def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        """Return the derivative by the angle."""
+        sense = self._sense(block)
+        angle = sense * float(parameters[0])
+        sine, cosine = math.sin(angle), math.cos(angle)
+        leaking, target = block.signal_mps2[self.leaking], block.signal_mps2[self.into]
+        change = block.zeros()
+        change[self.into] = cosine * leaking - sine * target
+        change[self.leaking] = -cosine * target - sine * leaking
+        return sense * change[None]
+
+    def _sense(self, block: ModelledBlock) -> float:
+        """Return -1 in reverse, where the data's circumferential axis points against the sensor's own."""
+        return -1.0 if block.conditions.reverse and CIRCUMFERENTIAL in self.axes else 1.0
+
+
+class YawTilt(_Tilt):
     """Rotation about the radial axis, the first of the three: circumferential leaks into +lateral."""
 
     name = "yaw tilt"
@@ -143,7 +181,6 @@ class YawTilt(SignalEffect):
         "lateral reads cos(yaw) lateral + sin(yaw) circumferential, circumferential reads cos(yaw) circumferential "
         "- sin(yaw) lateral"
     )
-    source = "rotation of the sensor frame"
     parameters = (_angle("yaw"),)
     axes = (CIRCUMFERENTIAL, LATERAL)
     observed_in = (
@@ -158,33 +195,10 @@ class YawTilt(SignalEffect):
             similarity="0.97",
         ),
     )
-    start_values = _TILT_START
-    stage = Stage.MOUNTING
-
-    def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        """Return the change by the rotation."""
-        yaw = _sense(block) * float(parameters[0])
-        # cos - 1 without cancellation.
-        cosine_change, sine = -2.0 * math.sin(0.5 * yaw) ** 2, math.sin(yaw)
-        circumferential, lateral = block.signal_mps2[CIRCUMFERENTIAL], block.signal_mps2[LATERAL]
-        change = block.zeros()
-        change[CIRCUMFERENTIAL] = cosine_change * circumferential - sine * lateral
-        change[LATERAL] = cosine_change * lateral + sine * circumferential
-        return change
-
-    def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        """Return the derivative by the angle."""
-        sense = _sense(block)
-        yaw = sense * float(parameters[0])
-        sine, cosine = math.sin(yaw), math.cos(yaw)
-        circumferential, lateral = block.signal_mps2[CIRCUMFERENTIAL], block.signal_mps2[LATERAL]
-        change = block.zeros()
-        change[CIRCUMFERENTIAL] = -sine * circumferential - cosine * lateral
-        change[LATERAL] = -sine * lateral + cosine * circumferential
-        return sense * change[None]
+    leaking, into = CIRCUMFERENTIAL, LATERAL
 
 
-class RollTilt(SignalEffect):
+class RollTilt(_Tilt):
     """Rotation about the circumferential axis: radial leaks into +lateral."""
 
     name = "roll tilt"
@@ -193,7 +207,6 @@ class RollTilt(SignalEffect):
         "The sensor is rotated about the circumferential axis: the radial acceleration leaks into the lateral axis."
     )
     equation = "lateral reads cos(roll) lateral + sin(roll) radial, radial reads cos(roll) radial - sin(roll) lateral"
-    source = "rotation of the sensor frame"
     parameters = (_angle("roll"),)
     axes = (LATERAL, RADIAL)
     observed_in = "lateral axis: a copy of the radial waveform, in proportion to it at every speed and load"
@@ -201,19 +214,10 @@ class RollTilt(SignalEffect):
         Confounder(("zero-g offset",), "on the lateral axis it is order 0 alone and does not grow with speed"),
         Confounder(("ply steer", "conicity"), "their waveforms are confined to the contact"),
     )
-    start_values = _TILT_START
-    stage = Stage.MOUNTING
-
-    def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        """Return the change by the rotation."""
-        return _radial_leak(block, LATERAL, float(parameters[0]))
-
-    def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        """Return the derivative by the angle."""
-        return _radial_leak_derivative(block, LATERAL, float(parameters[0]))[None]
+    leaking, into = RADIAL, LATERAL
 
 
-class PitchTilt(SignalEffect):
+class PitchTilt(_Tilt):
     """Rotation about the lateral axis: radial leaks into +circumferential."""
 
     name = "pitch tilt"
@@ -225,7 +229,6 @@ class PitchTilt(SignalEffect):
         "circumferential reads cos(pitch) circumferential + sin(pitch) radial, radial reads cos(pitch) radial "
         "- sin(pitch) circumferential"
     )
-    source = "rotation of the sensor frame"
     parameters = (_angle("pitch"),)
     axes = (CIRCUMFERENTIAL, RADIAL)
     observed_in = "circumferential axis: a copy of the radial waveform, in proportion to it at every speed and load"
@@ -233,43 +236,7 @@ class PitchTilt(SignalEffect):
         Confounder(("zero-g offset",), "on the circumferential axis it is order 0 alone and does not grow with speed"),
         Confounder(("mounting offset",), "its leak is the slope of the radial waveform, not the waveform"),
     )
-    start_values = _TILT_START
-    stage = Stage.MOUNTING
-
-    def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        """Return the change by the rotation."""
-        return _radial_leak(block, CIRCUMFERENTIAL, _sense(block) * float(parameters[0]))
-
-    def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        """Return the derivative by the angle."""
-        sense = _sense(block)
-        return sense * _radial_leak_derivative(block, CIRCUMFERENTIAL, sense * float(parameters[0]))[None]
-
-
-def _sense(block: ModelledBlock) -> float:
-    """Return -1 in reverse, where the data's circumferential axis points against the sensor's own."""
-    return -1.0 if block.conditions.reverse else 1.0
-
-
-def _radial_leak(block: ModelledBlock, axis: int, angle_rad: float) -> FloatArray:
-    """Return the change by a rotation in the plane of an axis and the radial one, (3, FIELD_SIZE)."""
-    # cos - 1 without cancellation.
-    cosine_change, sine = -2.0 * math.sin(0.5 * angle_rad) ** 2, math.sin(angle_rad)
-    tangential, radial = block.signal_mps2[axis], block.signal_mps2[RADIAL]
-    change = block.zeros()
-    change[axis] = cosine_change * tangential + sine * radial
-    change[RADIAL] = cosine_change * radial - sine * tangential
-    return change
-
-
-def _radial_leak_derivative(block: ModelledBlock, axis: int, angle_rad: float) -> FloatArray:
-    """Return the derivative of `_radial_leak` by the angle, (3, FIELD_SIZE)."""
-    sine, cosine = math.sin(angle_rad), math.cos(angle_rad)
-    tangential, radial = block.signal_mps2[axis], block.signal_mps2[RADIAL]
-    change = block.zeros()
-    change[axis] = cosine * radial - sine * tangential
-    change[RADIAL] = -cosine * tangential - sine * radial
-    return change
+    leaking, into = RADIAL, CIRCUMFERENTIAL
 
 
 def _inverse_square(resonance_hz: float) -> float:

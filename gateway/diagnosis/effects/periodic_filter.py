@@ -1,12 +1,13 @@
 """Signals that repeat with the wheel: filters, by which order n at omega passes at n omega / 2 pi, and a finer grid."""
 
 import math
+from abc import abstractmethod
 from typing import Final
 
 import numpy as np
 
 from gateway.core.types import ComplexArray, FloatArray
-from gateway.diagnosis.effects.effect import FIELD_SIZE, GroupConditions
+from gateway.diagnosis.effects.effect import FIELD_SIZE, GroupConditions, ModelledBlock, SignalEffect
 
 FINE: Final = 8
 """Points of a fine grid for each of the model's: what has corners at steep edges has orders beyond the model's own."""
@@ -48,3 +49,32 @@ def from_fine_grid(fine: FloatArray) -> FloatArray:
     spectrum[..., -1] = 0.0
     result: FloatArray = np.fft.irfft(spectrum, n=FIELD_SIZE)
     return result
+
+
+class AxisAhead(SignalEffect):
+    """An axis that is read at another time or place than the radial one, in proportion to its only parameter.
+
+    Attributes:
+        axis: the axis.
+    """
+
+    axis: int
+
+    def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        """Return the axis as it is read, less the axis."""
+        return self._filtered(block, np.expm1(float(parameters[0]) * self.rate(block)))
+
+    def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        """Return the rate of the axis as it is read."""
+        rate = self.rate(block)
+        return self._filtered(block, rate * np.exp(float(parameters[0]) * rate))[np.newaxis]
+
+    def _filtered(self, block: ModelledBlock, response: ComplexArray) -> FloatArray:
+        result = block.zeros()
+        result[self.axis] = filtered(block.signal_mps2[self.axis], response)
+        return result
+
+    @staticmethod
+    @abstractmethod
+    def rate(block: ModelledBlock) -> ComplexArray:
+        """Return the phase of every order by a unit of the parameter, times i."""

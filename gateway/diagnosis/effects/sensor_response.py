@@ -45,7 +45,7 @@ class Gain(LinearSignalEffect):
     observed_in = (
         "radial axis, any speed and load: a closed belt's mean is R omega^2; needs a DC-coupled sensor or a contact"
     )
-    confounders = (
+    confounders: tuple[Confounder, ...] = (
         Confounder(
             ("rolling radius", "sample clock error"),
             "they leave gravity (order 1 at low speed) unchanged and scale the circumferential axis too",
@@ -56,28 +56,21 @@ class Gain(LinearSignalEffect):
     start_values = ((0.01,),)
     stage = Stage.ELEMENT
 
-    def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        """Return the share of the radial axis."""
-        change = block.zeros()
-        change[RADIAL] = float(parameters[0]) * block.signal_mps2[RADIAL]
-        return change
-
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        """Return the radial axis."""
+        """Return the axis."""
+        (axis,) = self.axes
         change = block.zeros()
-        change[RADIAL] = block.signal_mps2[RADIAL]
+        change[axis] = block.signal_mps2[axis]
         return change[None]
 
 
-class CircumferentialGain(LinearSignalEffect):
+class CircumferentialGain(Gain):
     """Relative gain error of the circumferential axis."""
 
     name = "circumferential gain"
     rank = 305
     summary = "The circumferential axis reads too much in proportion to the true acceleration, gravity included."
     equation = "adds error times the circumferential acceleration to the circumferential axis"
-    source = "definition of sensitivity error"
-    parameters = Gain.parameters
     axes = (CIRCUMFERENTIAL,)
     observed_in = (
         "circumferential axis: gravity, order 1 of g at every speed, and e/R ds/dtheta below the neutral layer"
@@ -86,14 +79,6 @@ class CircumferentialGain(LinearSignalEffect):
         Confounder(("mounting offset",), "gravity, which it leaves unchanged: a slow recording; or the radial axis"),
         Confounder(("shear flexibility",), "gravity, which it leaves unchanged"),
     )
-    start_values = ((0.01,),)
-    stage = Stage.ELEMENT
-
-    def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        """Return the circumferential axis."""
-        change = block.zeros()
-        change[CIRCUMFERENTIAL] = block.signal_mps2[CIRCUMFERENTIAL]
-        return change[None]
 
 
 class GainTemperature(SignalEffect):
@@ -225,22 +210,15 @@ class ZeroGOffset(LinearSignalEffect):
     start_values = ((5.0, 5.0, 5.0),)
     stage = Stage.ELEMENT
 
-    def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        """Return the constants; an AC-coupled sensor does not pass them."""
-        return np.repeat((_axis_factors(block) * parameters)[:, None], block.signal_mps2.shape[1], axis=1)
-
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        """Return ones, each on its axis."""
+        """Return ones, each on its axis; an AC-coupled sensor does not pass them."""
         change = np.zeros((3, *block.signal_mps2.shape))
-        change[[0, 1, 2], [0, 1, 2]] = _axis_factors(block)[:, None]
+        if not block.conditions.ac_coupled:
+            change[[0, 1, 2], [0, 1, 2]] = 1.0
+            if block.conditions.reverse:
+                # The data's circumferential axis points against the sensor's own.
+                change[CIRCUMFERENTIAL, CIRCUMFERENTIAL] = -1.0
         return change
-
-
-def _axis_factors(block: ModelledBlock) -> FloatArray:
-    """Return the factor of each constant in the data; in reverse the circumferential axis is turned round."""
-    if block.conditions.ac_coupled:
-        return np.zeros(3)
-    return np.array([-1.0 if block.conditions.reverse else 1.0, 1.0, 1.0])
 
 
 class Hysteresis(SignalEffect):

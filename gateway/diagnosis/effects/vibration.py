@@ -20,9 +20,6 @@ from gateway.diagnosis.effects.effect import (
     SpectrumEffect,
 )
 
-REFERENCE_MPS: Final = 65.0 / 3.6
-"""Speed at which sizes are stated."""
-
 
 class RoadVibration(SpectrumEffect):
     """Broadband vibration below a corner frequency."""
@@ -53,7 +50,7 @@ class RoadVibration(SpectrumEffect):
 
     def density(self, conditions: GroupConditions, frequency_hz: FloatArray, parameters: FloatArray) -> FloatArray:
         """Return the one-sided density, (3, m), (m/s^2)^2 per Hz."""
-        rms = float(parameters[0]) * _relative_speed(conditions)
+        rms = float(parameters[0]) * conditions.relative_speed
         shape = _low_pass(frequency_hz, float(parameters[1]), float(parameters[2]))[0]
         return np.tile(rms**2 * shape, (3, 1))
 
@@ -61,7 +58,7 @@ class RoadVibration(SpectrumEffect):
         self, conditions: GroupConditions, frequency_hz: FloatArray, parameters: FloatArray
     ) -> FloatArray:
         """Return d density / d parameters, (P, 3, m), analytic."""
-        speed = _relative_speed(conditions)
+        speed = conditions.relative_speed
         rms = float(parameters[0])
         shape, per_corner, per_roll_off = _low_pass(frequency_hz, float(parameters[1]), float(parameters[2]))
         rows = np.stack((2.0 * rms * shape, rms**2 * per_corner, rms**2 * per_roll_off)) * speed**2
@@ -111,7 +108,7 @@ class HubVibration(SpectrumEffect):
         lower, upper = _sidebands(conditions, frequency_hz, parameters)
         power = _sideband_power(conditions, parameters)
         sidebands = lower + upper
-        per_rms = 0.5 * float(parameters[0]) * _relative_speed(conditions) ** 2 * sidebands[0]
+        per_rms = 0.5 * float(parameters[0]) * conditions.relative_speed**2 * sidebands[0]
         result = np.zeros((3, 3, len(frequency_hz)))
         for axis in self.axes:
             result[:, axis] = per_rms, power * sidebands[1], power * sidebands[2]
@@ -157,7 +154,7 @@ class CavityResonance(SpectrumEffect):
     def density(self, conditions: GroupConditions, frequency_hz: FloatArray, parameters: FloatArray) -> FloatArray:
         """Return the one-sided density, (3, m), (m/s^2)^2 per Hz."""
         result = np.zeros((3, len(frequency_hz)))
-        rms = float(parameters[0]) * _relative_speed(conditions) ** float(parameters[3])
+        rms = float(parameters[0]) * conditions.relative_speed ** float(parameters[3])
         result[RADIAL] = rms**2 * _resonance(frequency_hz, float(parameters[1]), float(parameters[2]))[0]
         return result
 
@@ -166,7 +163,7 @@ class CavityResonance(SpectrumEffect):
     ) -> FloatArray:
         """Return d density / d parameters, (P, 3, m), analytic."""
         result = np.zeros((4, 3, len(frequency_hz)))
-        rms, speed = float(parameters[0]), _relative_speed(conditions)
+        rms, speed = float(parameters[0]), conditions.relative_speed
         shape, per_centre, per_width = _resonance(frequency_hz, float(parameters[1]), float(parameters[2]))
         per_growth = 2.0 * math.log(speed) * rms**2 * shape
         rows = np.stack((2.0 * rms * shape, rms**2 * per_centre, rms**2 * per_width, per_growth))
@@ -176,11 +173,6 @@ class CavityResonance(SpectrumEffect):
     def noise_band(self, parameters: FloatArray) -> tuple[float, float]:
         """Return the band (from, to), Hz, in which its envelope must vary as that of noise, unlike that of a tone."""
         return float(parameters[1] - parameters[2]), float(parameters[1] + parameters[2])
-
-
-def _relative_speed(conditions: GroupConditions) -> float:
-    """Return the speed over REFERENCE_MPS."""
-    return conditions.omega_radps * conditions.radius_m / REFERENCE_MPS
 
 
 def _resonance(
@@ -224,7 +216,7 @@ def _low_pass(frequency_hz: FloatArray, corner_hz: float, roll_off: float) -> tu
 
 
 def _sideband_power(conditions: GroupConditions, parameters: FloatArray) -> float:
-    return 0.25 * (float(parameters[0]) * _relative_speed(conditions)) ** 2
+    return 0.25 * (float(parameters[0]) * conditions.relative_speed) ** 2
 
 
 def _sidebands(

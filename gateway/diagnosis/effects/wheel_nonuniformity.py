@@ -27,8 +27,6 @@ _MM: Final = 1e3
 _MAX_RUNOUT_M: Final = 3e-3
 # Hub motion: 20 g at 0.2 m on 40 kg of unsprung mass is 0.1 mm; 150 g, and a wheel hop resonance near order 1, is 3 mm.
 _MAX_HUB_MOTION_M: Final = 3e-3
-# Speed at which hub motion is stated.
-_REFERENCE_MPS: Final = 65.0 / 3.6
 
 
 def _harmonic(name: str, most_m: float, prior_std_m: float, step_m: float) -> Parameter:
@@ -118,7 +116,7 @@ class Imbalance(SignalEffect):
         """Return the derivatives by both parts of the motion and by its growth."""
         rows = np.zeros((3, *block.signal_mps2.shape))
         rows[:2] = self._waves(block, float(parameters[2]))
-        rows[2] = math.log(_relative_speed(block.conditions)) * np.tensordot(parameters[:2], rows[:2], 1)
+        rows[2] = math.log(block.conditions.relative_speed) * np.tensordot(parameters[:2], rows[:2], 1)
         return rows
 
     @staticmethod
@@ -129,16 +127,11 @@ class Imbalance(SignalEffect):
         """
         conditions = block.conditions
         rows = np.stack([block.zeros()] * 2)
-        acceleration = conditions.omega_radps**2 * _relative_speed(conditions) ** growth * gravity_projections(block)
+        acceleration = conditions.omega_radps**2 * conditions.relative_speed**growth * gravity_projections(block)
         waves = (np.cos(block.theta_rad), np.sin(block.theta_rad) * (-1.0 if conditions.reverse else 1.0))
         for row, wave in zip(rows, waves, strict=True):
             row[[CIRCUMFERENTIAL, RADIAL]] = wave * acceleration
         return rows
-
-
-def _relative_speed(conditions: GroupConditions) -> float:
-    """Return the speed over the one at which the hub's motion is stated."""
-    return conditions.omega_radps * conditions.radius_m / _REFERENCE_MPS
 
 
 class RollingRadius(LinearSignalEffect):

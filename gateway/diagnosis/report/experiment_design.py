@@ -17,7 +17,7 @@ from gateway.diagnosis.effects.effect import GroupConditions
 from gateway.diagnosis.model.baseline import NoShapeError
 from gateway.diagnosis.model.closure_model import AngleEffect, ClosureModel
 from gateway.diagnosis.reasons import DiagnosisCode
-from gateway.diagnosis.report.imagined_recording import carried, reference_group, with_recording
+from gateway.diagnosis.report.imagined_recording import carried, reference_group, shared_places, with_recording
 
 # Reduction of the misfit at which two explanations count as distinguished.
 _DISTINGUISHED: Final = 25.0
@@ -101,7 +101,7 @@ def _distinction(
         larger_misfit = fit_model(rivals, data, start, most_steps=_STEPS, rough=_ROUGH).misfit
         recorded = replace(imagined, groups=imagined.groups[:size], states=campaign.states)
         reduced = ClosureModel(recorded, final.model.core, effects)
-        reduced_start = _carried_back(rivals, reduced, start)
+        reduced_start = start[shared_places(reduced, rivals)]
         misfit = fit_model(reduced, whiten(recorded, truth.core), reduced_start, most_steps=_STEPS, rough=_ROUGH).misfit
     except (FitFailedError, NoShapeError):
         return None
@@ -117,16 +117,3 @@ def _as_predicted(campaign: Campaign, model: ClosureModel, vector: FloatArray) -
         count = sum(block.count for block in group.blocks)
         groups.append(replace(group, blocks=(Block(count, group.conditions, orders),)))
     return replace(campaign, groups=tuple(groups))
-
-
-def _carried_back(larger: ClosureModel, smaller: ClosureModel, vector: FloatArray) -> FloatArray:
-    """Return the parameters without those of the imagined recording."""
-    result = np.zeros(smaller.layout.size)
-    for state in range(smaller.campaign.states):
-        result[smaller.layout.state(state)] = vector[larger.layout.state(state)]
-    for index in range(len(smaller.campaign.groups)):
-        result[smaller.layout.centre(index)] = vector[larger.layout.centre(index)]
-    result[smaller.layout.sensor] = vector[larger.layout.sensor]
-    for effect in smaller.effects:
-        result[smaller.layout.effect(effect.name)] = vector[larger.layout.effect(effect.name)]
-    return result

@@ -271,13 +271,13 @@ def _least_squares(fit: Fit, data: Whitened) -> Fit | None:
 
 def _at_its_best(folds: list[_Fold], data: Whitened) -> list[_Fold]:
     """Return the folds with the predictions of the smaller error: by the evidence, or by least squares."""
-    if any(prediction.at_best is None for prediction in folds):
-        return [replace(prediction, at_best=None) for prediction in folds]
-    by_evidence = _Sums.over([prediction.predicted for prediction in folds], data)
-    by_scatter = _Sums.over([prediction.at_best or [] for prediction in folds], data)
+    at_best = [fold.at_best for fold in folds if fold.at_best is not None]
+    if not at_best:
+        return folds
+    by_evidence, by_scatter = _Sums.over([fold.predicted for fold in folds], data), _Sums.over(at_best, data)
     if by_evidence.rms_mps2() <= by_scatter.rms_mps2():
-        return [replace(prediction, at_best=None) for prediction in folds]
-    return [replace(prediction, predicted=prediction.at_best or prediction.predicted) for prediction in folds]
+        return [replace(fold, at_best=None) for fold in folds]
+    return [replace(fold, predicted=predicted) for fold, predicted in zip(folds, at_best, strict=True)]
 
 
 def _chosen(folds: Mapping[frozenset[str], Sequence[_Fold]], count: int) -> list[frozenset[str]]:
@@ -319,8 +319,6 @@ def _by_axis(before: _Sums, after: _Sums, corrected: _Sums) -> tuple[AxisError, 
 def _folds(evaluated: Evaluated, data: Whitened, refit: Fit | None) -> list[_Fold]:
     """Return the prediction of every fold by one set."""
     fit = evaluated.fit
-    if fit.applied is None:
-        raise ValueError("a set is held out with its discrepancy")
     deviations = [_of_blocks(fit, data, index) for index in range(len(data.orders))]
     applied: dict[float, Applied] = {}
     return [_fold_prediction(fit, refit, data, deviations, fold, applied) for fold in range(data.folds)]
@@ -355,12 +353,10 @@ def _fold_prediction(
     updated = thin.moved(thin.step)
     base = _predicted(fit, updated, data, deviations, fold, share)
     discrepancy_means = applied[share].mean([rows[-1] for rows in updated.weighted])
-    with_discrepancy: list[ComplexArray | None] = []
-    for index, predicted in enumerate(base):
-        if predicted is None:
-            with_discrepancy.append(None)
-            continue
-        with_discrepancy.append(predicted + as_complex(discrepancy_means[index]))
+    with_discrepancy: list[ComplexArray | None] = [
+        None if predicted is None else predicted + as_complex(mean)
+        for predicted, mean in zip(base, discrepancy_means, strict=True)
+    ]
     if refit is None:
         return _Fold(log_evidence(updated), base, with_discrepancy)
     # Its effects are those that the other folds determine, the tire's own parameters those of the least error beside.

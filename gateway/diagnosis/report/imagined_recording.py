@@ -45,7 +45,7 @@ def with_recording(campaign: Campaign, target: GroupConditions, revolutions: int
 def carried(model: ClosureModel, larger: ClosureModel, vector: FloatArray) -> FloatArray:
     """Return parameters in a campaign with one more group: its contact's centre at 0, a new state the same tire's."""
     result = np.zeros(larger.layout.size)
-    result[_places(model, larger)] = vector
+    result[shared_places(model, larger)] = vector
     group = larger.campaign.groups[-1]
     if larger.campaign.states > model.campaign.states:
         reference = reference_group(model.campaign)
@@ -54,13 +54,18 @@ def carried(model: ClosureModel, larger: ClosureModel, vector: FloatArray) -> Fl
     return result
 
 
-def _places(model: ClosureModel, larger: ClosureModel) -> IntArray:
+def shared_places(model: ClosureModel, larger: ClosureModel) -> IntArray:
     """Return the places of a campaign's parameters among those of the campaign with one more group."""
-    places = [np.arange(larger.layout.size)[larger.layout.state(state)] for state in range(model.campaign.states)]
-    places.append(np.array([larger.layout.centre(index) for index in range(len(model.campaign.groups))]))
-    places.append(np.arange(larger.layout.size)[larger.layout.sensor])
-    places += [np.arange(larger.layout.size)[larger.layout.effect(effect.name)] for effect in model.effects]
-    return np.concatenate(places)
+    layout, places = larger.layout, np.arange(larger.layout.size)
+    first_centre = layout.centre(0)
+    return np.concatenate(
+        [
+            places[model.layout.states],
+            places[first_centre : first_centre + len(model.campaign.groups)],
+            places[layout.sensor],
+            *(places[layout.effect(effect.name)] for effect in model.effects),
+        ]
+    )
 
 
 def _is_same_state(first: GroupConditions, second: GroupConditions) -> bool:

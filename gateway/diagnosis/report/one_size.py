@@ -21,7 +21,7 @@ from gateway.diagnosis.angle.likelihood import Whitened, as_real, whiten
 from gateway.diagnosis.angle.remainder_freedom import remainder_covariance
 from gateway.diagnosis.angle.residual import POWER_SHARE, group_residuals
 from gateway.diagnosis.data.campaign_data import Remark
-from gateway.diagnosis.effects.effect import RingEffect, SignalEffect
+from gateway.diagnosis.effects.effect import SignalEffect
 from gateway.diagnosis.model.closure_model import AngleEffect, ClosureModel
 from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.report.effect_contribution import added_by
@@ -256,8 +256,6 @@ def _sizes_of(effect: AngleEffect) -> IntArray:
     count = len(effect.parameters)
     if isinstance(effect, SignalEffect) and not effect.linear:
         count = effect.sizes
-    elif isinstance(effect, RingEffect):
-        count = len(effect.parameters)
     return np.array(
         [
             index

@@ -55,7 +55,7 @@ def unseen_errors(before: Fit, after: Fit, data: Whitened, effect: SignalEffect)
         if not others or not has_other_conditions(after.model.campaign.groups, recording):
             continue
         free = np.concatenate([_own_parameters(after, others), np.arange(indices.start, indices.stop)])
-        change, _ = _step(after, data, others, free)
+        change = _step(after, data, others, free)
         effect_change = np.zeros_like(change)
         effect_change[indices] = change[indices]
         with_effect = after.moved(effect_change)
@@ -88,8 +88,7 @@ def unseen_errors(before: Fit, after: Fit, data: Whitened, effect: SignalEffect)
 
 def _own_residuals(fit: Fit, data: Whitened, groups: Sequence[int]) -> ComplexArray:
     """Return what is left of these groups, (groups, 3, ORDERS), their own parameters fitted to them."""
-    change, _ = _step(fit, data, groups, _own_parameters(fit, groups))
-    updated = fit.moved(change)
+    updated = fit.moved(_step(fit, data, groups, _own_parameters(fit, groups)))
     return np.stack([as_complex(updated.residual[index]) * data.used[index] for index in groups])
 
 
@@ -117,8 +116,8 @@ def _own_parameters(fit: Fit, groups: Collection[int]) -> IntArray:
     return np.concatenate([*places, np.array([layout.centre(index) for index in groups], dtype=np.intp)])
 
 
-def _step(fit: Fit, data: Whitened, groups: Sequence[int], free: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Return the change of all parameters by the data of these groups, (P,), and the covariance of the free ones.
+def _step(fit: Fit, data: Whitened, groups: Sequence[int], free: IntArray) -> FloatArray:
+    """Return the change of all parameters by the data of these groups, (P,).
 
     By the scatter alone, widened by the misfit.
     """
@@ -142,7 +141,7 @@ def _step(fit: Fit, data: Whitened, groups: Sequence[int], free: IntArray) -> tu
         scale = max(1.0, remaining_misfit / max(1, count - size))
     full_change = np.zeros(len(fit.vector))
     full_change[free] = change
-    return full_change, covariance
+    return full_change
 
 
 def judged_elsewhere(

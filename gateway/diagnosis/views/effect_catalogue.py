@@ -4,6 +4,7 @@ import re
 import textwrap
 import unicodedata
 from collections.abc import Iterable, Iterator
+from itertools import groupby
 from typing import Any, Final
 
 from gateway.core.constants import AXIS_NAMES
@@ -107,12 +108,9 @@ def effects_json(effects: Iterable[Effect]) -> list[dict[str, Any]]:
 
 def effects_markdown() -> str:
     """Return the reference page of all effects."""
-    effects = find_effects()
     lines = [_INTRODUCTION]
-    groups: dict[str, list[Effect]] = {}
-    for effect in effects:
-        groups.setdefault(group_of(effect), []).append(effect)
-    for group, members in groups.items():
+    for group, effects in groupby(find_effects(), key=group_of):
+        members = list(effects)
         lines += [f"## {_heading(group)}", "", "| Effect | Physics |", "|---|---|"]
         lines += [f"| {_link(effect.name)} | {_escaped(typeset(effect.summary))} |" for effect in members]
         lines.append("")

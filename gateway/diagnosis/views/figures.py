@@ -57,7 +57,7 @@ def waveform_figure(curves: Curves, axis: int, unexplained: Sequence[Unexplained
         top.plot(degrees, curves.after_mps2[axis], color=AFTER, label="after: with effects")
         _residual(middle, curves, axis)
         _residual(bottom, curves, axis, with_before=False)
-        for residual in _on_axis(unexplained, axis, "angle"):
+        for residual in on_axis(unexplained, axis, "angle"):
             if residual.angle_rad is not None:
                 bottom.axvspan(*np.degrees(residual.angle_rad), color=RESIDUAL, alpha=0.35, lw=0, label="unexplained")
         bottom.set_xlim(-limit, limit)
@@ -126,7 +126,7 @@ def orders_figure(curves: Curves, axis: int, unexplained: Sequence[Unexplained] 
         panel.plot(n - 0.18, before, "o", color=BEFORE, ms=3.4, mfc="none", mew=1.0, label="before")
         panel.vlines(n + 0.18, 0.0, after, color=AFTER, lw=1.4)
         panel.plot(n + 0.18, after, "o", color=AFTER, ms=2.8, label="after")
-        for residual in _on_axis(unexplained, axis, "angle"):
+        for residual in on_axis(unexplained, axis, "angle"):
             if residual.orders is not None:
                 panel.axvspan(
                     residual.orders[0] - 0.5,
@@ -154,7 +154,7 @@ def spectra_figure(spectra: Spectra, unexplained: Sequence[Unexplained] = (), *,
     positive = spectra.frequency_hz > 0.0
     frequency = spectra.frequency_hz[positive]
     for panel, axis in zip(panels, axes, strict=True):
-        for residual in _on_axis(unexplained, axis, "time"):
+        for residual in on_axis(unexplained, axis, "time"):
             if residual.hz is not None and 0.0 < residual.hz[0] <= residual.hz[1]:
                 # A tone is narrow: its edge keeps it visible.
                 panel.axvspan(*residual.hz, color=RESIDUAL, alpha=0.5, lw=3.0, label="unexplained")
@@ -226,7 +226,8 @@ def _residual(panel: Axes, curves: Curves, axis: int, *, with_before: bool = Tru
     panel.plot(degrees, curves.measured_mps2[axis] - curves.after_mps2[axis], color=AFTER, lw=1.2)
 
 
-def _on_axis(unexplained: Sequence[Unexplained], axis: int, lock: str) -> list[Unexplained]:
+def on_axis(unexplained: Sequence[Unexplained], axis: int, lock: str) -> list[Unexplained]:
+    """Return the residuals of an axis and a lock that do not change during the recording."""
     return [
         residual
         for residual in unexplained

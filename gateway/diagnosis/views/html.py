@@ -24,6 +24,7 @@ from gateway.diagnosis.views.figures import (
     CONTACT_VIEW_DEG,
     NOISE_STDS,
     effect_figure,
+    on_axis,
     orders_figure,
     residual_figure,
     spectra_figure,
@@ -86,11 +87,11 @@ _TEMPLATE: Final = ("gateway.diagnosis.views", "closure_report.html.j2")
 MOST_GROUPS: Final = 12
 """Groups other than the reference group whose residual is drawn."""
 MOST_SPECTRA: Final = 6
-# Notes that the summary repeats.
 _MODELS: Final = {
     "exact": "the ring model, solved exactly, without effects",
     "paper": "the series of the ring paper as printed",
 }
+# Notes that the summary repeats.
 _IN_SUMMARY: Final = (
     DiagnosisCode.SENSOR_IN_DOUBT,
     DiagnosisCode.NOT_A_RING,
@@ -415,22 +416,13 @@ def _waveform(diagnosis: Diagnosis, curves: Curves, axis: int, label: str) -> Dr
 
 
 def _orders(diagnosis: Diagnosis, curves: Curves, axis: int, label: str) -> Drawing:
+    has_marks = any(residual.orders is not None for residual in on_axis(diagnosis.unexplained, axis, "angle"))
     return _drawing(
         orders_figure(curves, axis, diagnosis.unexplained),
         f"o{axis}",
         f"Cosine and sine coefficients in m/s² of the {AXIS_NAMES[axis]} residual by order, before and after, {label}.",
         f"{AXIS_NAMES[axis].capitalize()} residual by order.",
-        "Bars at the bottom mark unexplained orders." if _marked(diagnosis, axis) else "",
-    )
-
-
-def _marked(diagnosis: Diagnosis, axis: int) -> bool:
-    return any(
-        residual.axis == AXIS_NAMES[axis]
-        and residual.lock == "angle"
-        and residual.orders is not None
-        and not residual.changes
-        for residual in diagnosis.unexplained
+        "Bars at the bottom mark unexplained orders." if has_marks else "",
     )
 
 

@@ -131,9 +131,9 @@ def _of_residual(residual: Unexplained, half_angle_rad: float) -> str:
     elif abs(sum(residual.angle_rad)) / 2.0 < half_angle_rad + _NEAR_RAD:
         step = "it is at the contact: record at another load; what moves with the edges is tread or road"
     else:
-        low, high = (math.degrees(angle) for angle in residual.angle_rad)
+        span = span_text(residual.angle_rad, math.degrees(1.0))
         step = (
-            f"look at the tire {span_text((low, high))} deg behind the sensor, which is in the contact then: a splice, "
+            f"look at the tire {span} deg behind the sensor, which is in the contact then: a splice, "
             "a nail, a patch, a bent rim; turned on its rim, a tire takes its own along"
         )
     return f"{step}; record at a second speed" if residual.scaling.status in _UNSEEN else step

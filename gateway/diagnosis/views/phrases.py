@@ -20,17 +20,15 @@ from gateway.diagnosis.views.quantities import in_print, orders_text, parameter_
 
 MODELS: Final = {"paper": "the ring paper's series as printed", "exact": "the exact ring"}
 VERDICTS: Final = {Verdict.NAMED: "identified", Verdict.INDISTINGUISHABLE: "undecided", Verdict.REFUSED: "rejected"}
+NON_STATIONARY: Final = "changes during the recording"
 SCALINGS: Final = {
     ScalingStatus.ONE_SPEED: "one speed",
     ScalingStatus.SEEN_AT_ONE_SPEED: "seen at one speed on this axis",
     ScalingStatus.SPEED_WITH_LOAD: "speed and load or pressure changed together",
     ScalingStatus.TOO_WEAK: "too weak at other speeds",
-    ScalingStatus.NON_STATIONARY: "changes during the recording",
+    ScalingStatus.NON_STATIONARY: NON_STATIONARY,
 }
 """Reasons why the growth of a residual with speed is unknown."""
-
-
-NON_STATIONARY: Final = "changes during the recording"
 
 SINGLE_TURNS: Final = {
     "place": "at one angle with another waveform each turn: for example a part that rubs, rattles or slips there",
@@ -199,12 +197,7 @@ def residual_remarks(residual: Unexplained) -> list[str]:
             f"{NON_STATIONARY}: load, slip angle, camber or temperature may change; record one state at a time"
         ]
     if residual.lock in SINGLE_TURNS:
-        other_axes = (
-            [f"also {', '.join(f'{value:.2g} m/s² {axis}' for axis, value in residual.other_axes)}"]
-            if residual.other_axes
-            else []
-        )
-        return [single_turns(residual), *other_axes, f"most in {remark(residual.largest_in)}"]
+        return [single_turns(residual), *_other_axes(residual), f"most in {remark(residual.largest_in)}"]
     if residual.lock != "time":
         return []
     parts = []

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import PurePath
 from typing import Final, Generic, NamedTuple, Protocol, TypeVar
 
@@ -91,7 +91,7 @@ class EstimateRow:
     errors: str
     determined: bool
     determined_text: str
-    drawn: tuple[Interval, ...] = field(default=())
+    drawn: tuple[Interval, ...]
 
 
 class StepCell(NamedTuple):
@@ -274,7 +274,7 @@ def _estimate(name: str, before: Fitted | None, after: Fitted | None, determined
         errors=f"{round(errors, 1) + 0.0:+.1f}" if math.isfinite(errors) else MISSING,
         determined=determined,
         determined_text="not fitted" if new.std == 0.0 else "yes" if determined else "no",
-        drawn=_intervals(old, new),
+        drawn=_to_scale([("before", old.value, old.std, 4.5), ("after", new.value, new.std, 11.5)]),
     )
 
 
@@ -282,10 +282,6 @@ def _percent(old: ShownNumber, new: ShownNumber) -> str:
     share = 100.0 * ratio(new.value - old.value, abs(old.value))
     digits = 1 if abs(share) >= 0.095 else 2
     return f"{round(share, digits) + 0.0:+.{digits}f} %" if math.isfinite(share) else ""
-
-
-def _intervals(old: ShownNumber, new: ShownNumber) -> tuple[Interval, ...]:
-    return _to_scale([("before", old.value, old.std, 4.5), ("after", new.value, new.std, 11.5)])
 
 
 def sizes_drawn(finding: Finding, parameter: str) -> tuple[Interval, ...]:

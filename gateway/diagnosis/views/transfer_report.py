@@ -26,7 +26,7 @@ def transfer_lines(result: Transfer, source: str) -> Iterator[str]:
     used = f"{result.revolutions} revolutions of {counted(len(result.recordings), 'recording')}"
     yield f"{clean(result.wheel)}: {model_words(result.model)} against {used}"
     yield _row("effects", f"{effects_listed(list(result.effects))}, as found in {clean(source)}")
-    yield _row("refitted", f"{listed([name.removesuffix('_npm2').replace('_', ' ') for name in result.refitted])}")
+    yield _row("refitted", listed([name.removesuffix("_npm2").replace("_", " ") for name in result.refitted]))
     held_out = result.held_out
     yield _row(
         "held-out rms",
