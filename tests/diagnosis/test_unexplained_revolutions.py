@@ -255,4 +255,4 @@ def test_rubbing_is_no_timing_noise(at_rad: float, axes: tuple[int, ...]) -> Non
     """Not at a steep edge either, while the other edge or another axis is quiet."""
     (result, *_) = unexplained_revolutions([steep(burst(at_rad, 3.0, axes=axes))])
     assert math.isnan(result.timing_s)
-    assert "rubs" in residual_remarks(result)[0]
+    assert "with another waveform each turn" in residual_remarks(result)[0]

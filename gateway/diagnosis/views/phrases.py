@@ -31,7 +31,7 @@ SCALINGS: Final = {
 """Reasons why the growth of a residual with speed is unknown."""
 
 SINGLE_TURNS: Final = {
-    "place": "at one angle with another waveform each turn: for example a part that rubs, rattles or slips there",
+    "place": "at one angle with another waveform each turn",
     "turns": "differs between odd and even turns",
     "samples": "error by samples that repeat the one before on every axis: a data fault of sensor, hub or link",
 }
@@ -207,7 +207,6 @@ def residual_remarks(residual: Unexplained) -> list[str]:
         parts.append(
             "its frequency rises with the wheel's, but it does not repeat every turn"
             + (f" but every {residual.road_m:.3g} m of road" if math.isfinite(residual.road_m) else "")
-            + ": for example joints of the road, a bearing, a gear, a drum or another wheel"
         )
     elif residual.speeds is not None:
         count, total = residual.speeds
