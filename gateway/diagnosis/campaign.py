@@ -300,10 +300,12 @@ def _usable_groups(files: Sequence[RecordingRead], wheel: str, rejected: dict[Re
             + "; ".join(f"{count} x {text(reason)}" for reason, count in rejected.items()),
             "At least two revolutions at the same speed are needed; a minute of steady rolling is better.",
         )
-    large_groups = [group for group in groups if _count(group) >= MIN_REVOLUTIONS]
+    large_groups = [group for group in groups if group.revolutions >= MIN_REVOLUTIONS]
     if large_groups and len(large_groups) < len(groups):
-        small_groups = [group for group in groups if _count(group) < MIN_REVOLUTIONS]
-        rejected[TOO_FEW_REVOLUTIONS] = rejected.get(TOO_FEW_REVOLUTIONS, 0) + sum(map(_count, small_groups))
+        small_groups = [group for group in groups if group.revolutions < MIN_REVOLUTIONS]
+        rejected[TOO_FEW_REVOLUTIONS] = rejected.get(TOO_FEW_REVOLUTIONS, 0) + sum(
+            group.revolutions for group in small_groups
+        )
         groups = large_groups
     groups, unused_count = _most_informative(groups)
     if unused_count:
@@ -314,7 +316,7 @@ def _usable_groups(files: Sequence[RecordingRead], wheel: str, rejected: dict[Re
 def _reference_degc(groups: Sequence[Group]) -> float:
     """Return the mean of the known temperatures, weighted by revolutions."""
     weighted_degc = [
-        (c.temperature_degc, _count(g)) for g in groups if math.isfinite((c := g.conditions).temperature_degc)
+        (c.temperature_degc, g.revolutions) for g in groups if math.isfinite((c := g.conditions).temperature_degc)
     ]
     if not weighted_degc:
         return _PLACEHOLDER_DEGC
@@ -368,16 +370,11 @@ def _most_informative(groups: list[Group]) -> tuple[list[Group], int]:
         np.array([group.recording for group in groups]),
         _states(groups),
         np.array([group.conditions.omega_radps for group in groups]),
-        np.array([_count(group) for group in groups], dtype=np.float64),
+        np.array([group.revolutions for group in groups], dtype=np.float64),
         MAX_GROUPS,
     ).tolist()
-    return [groups[index] for index in chosen], sum(map(_count, groups)) - sum(
-        _count(groups[index]) for index in chosen
-    )
-
-
-def _count(group: Group) -> int:
-    return sum(block.count for block in group.blocks)
+    others = set(range(len(groups))) - set(chosen)
+    return [groups[index] for index in chosen], sum(groups[index].revolutions for index in others)
 
 
 def _time_origins(orders: Sequence[ReadOrder], files: Sequence[RecordingRead]) -> tuple[list[float], list[Reason]]:

@@ -213,5 +213,4 @@ def transfer_effects(
     report(_TRANSFER_READING_SHARE, "comparing with and without the effects")
     result = transfer(campaign, table, model=model, origin=origin)
     report(1.0, "done")
-    assert result.report is not None
     return replace(result, report=_with_origin(result.report, campaign, [order.path for order in orders]))

@@ -201,7 +201,7 @@ def _diagnose(
         wheel=campaign.wheel,
         recordings=campaign.recordings,
         assumed=campaign.assumed,
-        revolutions=sum(block.count for group in campaign.groups for block in group.blocks),
+        revolutions=campaign.revolutions,
         rejected=sum(campaign.rejected.values()),
         noise_floor_mps2=noise,
         held_out=held_out,
@@ -370,9 +370,9 @@ def _edges(campaign: Campaign) -> tuple[Finding, ...]:
     return edge_findings(campaign.groups)
 
 
-def baseline_fits(campaign: Campaign, model: BaselineModel = BaselineModel.EXACT) -> bool:
-    """Return whether the baseline model alone can be fitted to a campaign."""
-    core = make_core(model)
+def baseline_fits(campaign: Campaign) -> bool:
+    """Return whether the exact ring alone can be fitted to a campaign."""
+    core = make_core(BaselineModel.EXACT)
     try:
         baseline_fit(campaign, core, whiten(campaign, core))
     except FitFailedError:
@@ -610,9 +610,8 @@ def _notes(campaign: Campaign, *, with_mean: bool) -> tuple[Reason, ...]:
         Reason(DiagnosisCode.REVOLUTIONS_LEFT_OUT, revolutions=count, reason=reason)
         for reason, count in campaign.rejected.items()
     ]
-    total = sum(block.count for group in campaign.groups for block in group.blocks)
-    if total < _FEW_REVOLUTIONS:
-        notes.append(Reason(DiagnosisCode.FEW_REVOLUTIONS, revolutions=total))
+    if campaign.revolutions < _FEW_REVOLUTIONS:
+        notes.append(Reason(DiagnosisCode.FEW_REVOLUTIONS, revolutions=campaign.revolutions))
     if is_one_speed(campaign):
         notes.append(Reason(DiagnosisCode.ONE_SPEED))
     return tuple(notes)

@@ -44,7 +44,7 @@ def known_effects(
         TreadlinkError: an effect is not in the catalogue, or stands twice, or its parameters are not
             those of the catalogue, in another unit or outside of their ranges.
     """
-    catalogue: dict[str, AngleEffect] = dict(angle_effects(candidates(model)))
+    catalogue = angle_effects(candidates(model))
     effects: list[tuple[AngleEffect, FloatArray]] = []
     for corrected in table.effects:
         effect = catalogue.get(_RENAMED.get(corrected.name, corrected.name.removeprefix("law: ")))

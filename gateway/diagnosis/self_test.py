@@ -118,7 +118,7 @@ def simulated(fit: Fit, rng: np.random.Generator) -> Campaign:
 
 def _scatter(group: Group, rng: np.random.Generator) -> list[ComplexArray]:
     """Return the scatter of a group's blocks, in another order and with random signs; NaN where nothing is known."""
-    counts = np.array([block.count for block in group.blocks], dtype=np.float64)
+    counts = group.counts
     orders = np.stack([block.orders_mps2 for block in group.blocks])
     measured = np.where(np.isnan(orders[0]), math.nan, 1.0)
     if len(counts) == 1:

@@ -62,8 +62,8 @@ class Transfer:
     refitted: tuple[str, ...]
     held_out: HeldOut
     noise_floor_mps2: float
-    notes: tuple[Reason, ...] = ()
-    report: Diagnosis | None = None
+    notes: tuple[Reason, ...]
+    report: Diagnosis
 
 
 def transfer(
@@ -110,7 +110,6 @@ def transfer(
         *table.differences(_signal_of(campaign)),
         *campaign.notes,
     )
-    revolutions = sum(block.count for group in campaign.groups for block in group.blocks)
     fits = errors.fit_of[baseline.names], errors.fit_of[transferred.names]
     depth = ("sensor depth",) if any(group.conditions.offset_measured for group in campaign.groups) else ()
     (before, determined_before), (after, determined) = (
@@ -122,7 +121,7 @@ def transfer(
         wheel=campaign.wheel,
         recordings=campaign.recordings,
         assumed=campaign.assumed,
-        revolutions=revolutions,
+        revolutions=campaign.revolutions,
         rejected=sum(campaign.rejected.values()),
         noise_floor_mps2=errors.noise_mps2,
         held_out=errors.summary,
@@ -147,7 +146,7 @@ def transfer(
         model=str(model),
         wheel=campaign.wheel,
         recordings=campaign.recordings,
-        revolutions=revolutions,
+        revolutions=campaign.revolutions,
         effects={corrected.name: {p.name: p.value for p in corrected.parameters} for corrected in table.effects},
         refitted=(*core.names, "contact centre", *depth),
         held_out=errors.summary,

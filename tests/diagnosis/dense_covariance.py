@@ -19,7 +19,7 @@ def covariance_of(applied: Applied, data: Whitened, *, shared_only: bool = False
     widths = [sum(len(factor) for factor in factors) for factors in data.factors]
     begins = np.concatenate([[0], np.cumsum(widths)]).astype(int)
     total = np.eye(int(begins[-1])) * (0.0 if shared_only else 1.0)
-    for position, (_, axis, column) in applied.discrepancy.enumerate():
+    for position, (axis, column) in enumerate(applied.discrepancy.axes):
         rows, marked = [], []
         for number, (index, scatter) in enumerate(zip(column.groups, column.scatters, strict=True)):
             factor = scatter.factor

@@ -71,7 +71,7 @@ def draw(power: float, length_rad: float, seed: int) -> FloatArray:
 
 def test_kernels_are_positive_semidefinite() -> None:
     _, _, discrepancy = two_speeds()
-    for _, (_, _, index) in discrepancy.enumerate():
+    for _, index in discrepancy.axes:
         assert len(index.kernels) == 2 * len(criteria.LENGTHS_RAD)
         for matrix in index.kernels:
             values = np.linalg.eigvalsh(matrix)
@@ -81,7 +81,7 @@ def test_kernels_are_positive_semidefinite() -> None:
 def test_kernels_have_unit_power() -> None:
     _, _, discrepancy = two_speeds()
     power = np.where(np.arange(2 * ORDERS - 1) == 0, 1.0, 0.5)
-    (_, (_, _, position)), *_ = discrepancy.enumerate()
+    (_, position), *_ = discrepancy.axes
     for matrix in position.kernels:
         # Orders beyond the last are folded back by the shortest length.
         assert float(power @ np.diagonal(matrix)) == pytest.approx(1.0, rel=0.02)
@@ -201,7 +201,7 @@ def test_planted_amplitude_is_recovered(rms_mps2: float) -> None:
     evaluation, _ = evaluated(campaign)
     assert evaluation.fit.applied is not None
     power = dict.fromkeys(range(3), 0.0)
-    for index, (_, axis, _) in evaluation.fit.applied.discrepancy.enumerate():
+    for index, (axis, _) in enumerate(evaluation.fit.applied.discrepancy.axes):
         power[axis] += float(evaluation.fit.applied.amplitudes[index, 0].sum())
     # Places near the contact and away from it are windows of unit mean square each, so their sum counts twice.
     assert 0.5 * rms_mps2**2 < power[RADIAL] < 4.0 * rms_mps2**2

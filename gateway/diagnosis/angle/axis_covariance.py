@@ -18,7 +18,7 @@ from scipy.linalg import blas, lapack
 
 from gateway.core.types import FloatArray, IntArray
 from gateway.diagnosis import criteria
-from gateway.diagnosis.angle.likelihood import REAL
+from gateway.diagnosis.angle.likelihood import REAL, batch_products
 
 _JITTER: Final = 1e-10
 # Size from which a matrix is factorised in two halves: LAPACK inverts triangles of this size at a third of the speed of
@@ -210,7 +210,7 @@ class _JointInverse:
         return totals
 
     def products(self, rows: Rows, batches: int) -> FloatArray:
-        return _products(self.weighted(rows), rows, batches)
+        return batch_products(self.weighted(rows), rows, batches)
 
     def inside(self, part: int) -> FloatArray:
         scales = self._axis_groups.scales[part].tolist()
@@ -279,7 +279,7 @@ class _PartwiseInverse:
     def products(self, rows: Rows, batches: int) -> FloatArray:
         unshared_rows = self._by_unshared(rows)
         solved = self._solved(unshared_rows).reshape(batches, -1, len(self._factor))
-        return _products(unshared_rows, rows, batches) - solved @ solved.transpose(0, 2, 1)
+        return batch_products(unshared_rows, rows, batches) - solved @ solved.transpose(0, 2, 1)
 
     def _by_unshared(self, rows: Rows) -> list[FloatArray]:
         """Return rows G of each group."""
@@ -296,16 +296,6 @@ class _PartwiseInverse:
     def inside(self, part: int) -> FloatArray:
         solved = self._solved_information[:, _slice(part)]
         return self._information[part][part] - solved.T @ solved
-
-
-def _products(weighted: Sequence[FloatArray], rows: Rows, batches: int) -> FloatArray:
-    """Return the sum over groups of weighted rows (k, REAL) times rows', within batches of them."""
-    size = len(weighted[0]) // batches
-    total = np.zeros((batches, size, size))
-    for weighted_row, row in zip(weighted, rows, strict=True):
-        if row is not None:
-            total += weighted_row.reshape(batches, size, -1) @ row.reshape(batches, size, -1).transpose(0, 2, 1)
-    return total
 
 
 def inverse_factor(matrix: FloatArray) -> tuple[FloatArray, float]:

@@ -34,13 +34,18 @@ class Discrepancy:
 
     Amplitudes are mean squares, (m/s^2)^2, an array (axes of states, parts, kernels). One without a second part
     ignores it.
+
+    Attributes:
+        axes: index of the axis and groups, for every axis of a state.
+        concentrations: orders, bands and places.
+        reference_mps2: mean of R omega^2.
+        shape: of amplitudes.
     """
 
     def __init__(
         self,
         campaign: Campaign,
         data: Whitened,
-        lengths_rad: Sequence[float] = criteria.LENGTHS_RAD,
         concentrations: Sequence[Concentration] = (),
     ) -> None:
         """Prepare the axes of every state of a campaign.
@@ -48,21 +53,19 @@ class Discrepancy:
         Args:
             campaign: conditions.
             data: whitened.
-            lengths_rad: correlation lengths.
             concentrations: orders, bands and places.
         """
-        self.size = data.size
         self.concentrations = tuple(concentrations)
         self.reference_mps2 = float(
             np.mean([group.conditions.radius_m * group.conditions.omega_radps**2 for group in campaign.groups])
         )
-        self._axis_groups: list[tuple[int, int, AxisGroups]] = []
+        self.axes: list[tuple[int, AxisGroups]] = []
         for state in range(campaign.states):
             groups = tuple(index for index, group in enumerate(campaign.groups) if group.state == state)
             if not groups:
                 continue
             angle = float(np.mean([campaign.groups[index].half_angle_rad for index in groups]))
-            kernels = smooth_kernels(round(angle, 3), tuple(lengths_rad))
+            kernels = smooth_kernels(round(angle, 3), criteria.LENGTHS_RAD)
             if concentrations:
                 kernels = np.concatenate([kernels, [kernel(concentration) for concentration in concentrations]])
             omega = np.array([campaign.groups[index].conditions.omega_radps for index in groups])
@@ -74,8 +77,8 @@ class Discrepancy:
                 if not any(len(factor) for factor in factors):
                     continue
                 axis_groups = AxisGroups(groups, tuple(map(Scatter.of, factors)), np.stack(scales), kernels)
-                self._axis_groups.append((state, axis, axis_groups))
-        self.shape = len(self._axis_groups), 2, 2 * len(lengths_rad) + len(concentrations)
+                self.axes.append((axis, axis_groups))
+        self.shape = len(self.axes), 2, 2 * len(criteria.LENGTHS_RAD) + len(concentrations)
 
     def start(self, residual: Sequence[FloatArray]) -> FloatArray:
         """Return amplitudes to start from: every axis of a state shares its residual's power beyond the scatter.
@@ -85,7 +88,7 @@ class Discrepancy:
         """
         amplitudes = np.empty(self.shape)
         floor = (criteria.START_SHARE * self.reference_mps2) ** 2
-        for number, (_, axis, axis_groups) in self.enumerate():
+        for number, (axis, axis_groups) in enumerate(self.axes):
             powers = [0.0]
             for index, scatter in zip(axis_groups.groups, axis_groups.scatters, strict=True):
                 whitened = scatter.factor @ residual[index][axis]
@@ -109,9 +112,7 @@ class Discrepancy:
     def thinned(self, share: float) -> Discrepancy:
         """Return the same discrepancy for data with a share of the revolutions."""
         thinned = copy(self)
-        thinned._axis_groups = [
-            (state, axis, axis_groups.thinned(share)) for state, axis, axis_groups in self._axis_groups
-        ]
+        thinned.axes = [(axis, axis_groups.thinned(share)) for axis, axis_groups in self.axes]
         return thinned
 
     def concentrated(self, also: Concentration) -> Discrepancy:
@@ -119,16 +120,12 @@ class Discrepancy:
         extended = copy(self)
         extended.concentrations = (*self.concentrations, also)
         added = kernel(also)[None]
-        extended._axis_groups = [
-            (state, axis, replace(axis_groups, kernels=np.concatenate([axis_groups.kernels, added])))
-            for state, axis, axis_groups in self._axis_groups
+        extended.axes = [
+            (axis, replace(axis_groups, kernels=np.concatenate([axis_groups.kernels, added])))
+            for axis, axis_groups in self.axes
         ]
         extended.shape = self.shape[0], self.shape[1], self.shape[2] + 1
         return extended
-
-    def enumerate(self) -> list[tuple[int, tuple[int, int, AxisGroups]]]:
-        """Return the groups of every axis of a state, with their index, state and axis."""
-        return list(enumerate(self._axis_groups))
 
 
 @dataclass(frozen=True)
@@ -146,7 +143,7 @@ class Applied:
     @cached_property
     def inverses(self) -> tuple[Inverse, ...]:
         """Of the covariance of each axis of a state, up to ten megabytes each."""
-        groups = (axis_groups for _, (*_, axis_groups) in self.discrepancy.enumerate())
+        groups = (axis_groups for _, axis_groups in self.discrepancy.axes)
         return tuple(inverse_of(*of_axis) for of_axis in zip(groups, self.amplitudes, strict=True))
 
     def release(self) -> None:
@@ -157,7 +154,7 @@ class Applied:
     def log_determinants(self) -> FloatArray:
         """Logarithm of the determinant of each axis' covariance over that of the scatter, (3,)."""
         result = np.zeros(_AXES)
-        for (_, (_, axis, _)), inverse in zip(self.discrepancy.enumerate(), self.inverses, strict=True):
+        for (axis, _), inverse in zip(self.discrepancy.axes, self.inverses, strict=True):
             result[axis] += inverse.log_determinant
         return result
 
@@ -174,18 +171,18 @@ class Applied:
         """
         size = next(len(row) for row in rows if row is not None)
         results = [np.zeros((size, _AXES, REAL)) for _ in rows]
-        for (_, (_, axis, axis_groups)), inverse in zip(self.discrepancy.enumerate(), self.inverses, strict=True):
+        for (axis, axis_groups), inverse in zip(self.discrepancy.axes, self.inverses, strict=True):
             axis_rows = _rows_of(rows, axis_groups, axis)
             if axis_rows is not None:
                 for index, weighted in zip(axis_groups.groups, inverse.weighted(axis_rows), strict=True):
                     results[index][:, axis] = weighted
         return results
 
-    def products(self, rows: Rows, batches: int = 1) -> FloatArray:
+    def products(self, rows: Rows, batches: int) -> FloatArray:
         """Return rows C^-1 rows' within equal batches of rows as for `weighted`, (batches, k, k)."""
         size = next(len(row) for row in rows if row is not None) // batches
         total = np.zeros((batches, size, size))
-        for (_, (_, axis, axis_groups)), inverse in zip(self.discrepancy.enumerate(), self.inverses, strict=True):
+        for (axis, axis_groups), inverse in zip(self.discrepancy.axes, self.inverses, strict=True):
             axis_rows = _rows_of(rows, axis_groups, axis)
             if axis_rows is not None:
                 total += inverse.products(axis_rows, batches)
@@ -198,7 +195,7 @@ class Applied:
             weighted: C^-1 times the residual, (3, REAL) of each group.
         """
         means = [np.zeros((_AXES, REAL)) for _ in weighted]
-        for (_, (_, axis, axis_groups)), inverse in zip(self.discrepancy.enumerate(), self.inverses, strict=True):
+        for (axis, axis_groups), inverse in zip(self.discrepancy.axes, self.inverses, strict=True):
             part_rows = axis_groups.seen([weighted[index][axis][None] for index in axis_groups.groups])
             coefficients = np.stack([prior @ part[0] for prior, part in zip(inverse.priors, part_rows, strict=True)])
             for index, scales in zip(axis_groups.groups, axis_groups.scales.T, strict=True):
@@ -217,7 +214,7 @@ class Applied:
         """
         amplitudes = self.amplitudes.copy()
         answers = self.answers(weighted, precision)
-        for (number, (_, _, axis_groups)), parts in zip(self.discrepancy.enumerate(), answers, strict=True):
+        for number, ((_, axis_groups), parts) in enumerate(zip(self.discrepancy.axes, answers, strict=True)):
             kernels = axis_groups.kernels.reshape(len(axis_groups.kernels), -1)
             for part, (answer, information) in enumerate(parts):
                 squares = kernels @ np.outer(answer, answer).ravel()
@@ -244,8 +241,8 @@ class Applied:
         applied = Applied(self.discrepancy, np.maximum(amplitudes, floor))
         applied.__dict__["inverses"] = tuple(
             inverse if np.array_equal(new, old) else inverse_of(axis_groups, new)
-            for (_, (*_, axis_groups)), inverse, new, old in zip(
-                self.discrepancy.enumerate(), self.inverses, applied.amplitudes, self.amplitudes, strict=True
+            for (_, axis_groups), inverse, new, old in zip(
+                self.discrepancy.axes, self.inverses, applied.amplitudes, self.amplitudes, strict=True
             )
         )
         return applied
@@ -264,7 +261,7 @@ class Applied:
         """
         covariance = np.linalg.inv(precision)
         by_axis = []
-        for number, (_, axis, axis_groups) in self.discrepancy.enumerate():
+        for number, (axis, axis_groups) in enumerate(self.discrepancy.axes):
             parts = []
             for part, part_rows in enumerate(
                 axis_groups.seen([weighted[index][:, axis] for index in axis_groups.groups])

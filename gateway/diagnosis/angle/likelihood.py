@@ -98,14 +98,9 @@ class Whitened:
                     result[:, axis] = row[:, axis] @ precision[axis]
         return results
 
-    def products(self, rows: Sequence[FloatArray | None], batches: int = 1) -> FloatArray:
+    def products(self, rows: Sequence[FloatArray | None], batches: int) -> FloatArray:
         """Return rows C^-1 rows' for the scatter C within equal batches of rows as for `weighted`, (batches, k, k)."""
-        size = next(len(row) for row in rows if row is not None) // batches
-        total = np.zeros((batches, size, size))
-        for weighted, row in zip(self.weighted(rows), rows, strict=True):
-            if row is not None:
-                total += weighted.reshape(batches, size, -1) @ row.reshape(batches, size, -1).transpose(0, 2, 1)
-        return total
+        return batch_products(self.weighted(rows), rows, batches)
 
     def loosened(self, share: float) -> Whitened:
         """Return the same data as if every order were uncertain by this share of the signal, for a rough fit."""
@@ -140,6 +135,16 @@ class Whitened:
         return result
 
 
+def batch_products(weighted: Sequence[FloatArray], rows: Sequence[FloatArray | None], batches: int) -> FloatArray:
+    """Return the sum over groups of weighted rows (k, ...) times rows', within equal batches of them."""
+    size = len(weighted[0]) // batches
+    total = np.zeros((batches, size, size))
+    for weighted_row, row in zip(weighted, rows, strict=True):
+        if row is not None:
+            total += weighted_row.reshape(batches, size, -1) @ row.reshape(batches, size, -1).transpose(0, 2, 1)
+    return total
+
+
 def as_real(coefficients: ComplexArray) -> FloatArray:
     """Return complex coefficients (..., ORDERS) as real ones, (..., REAL)."""
     result: FloatArray = np.concatenate([coefficients.real, coefficients.imag[..., 1:]], axis=-1)
@@ -170,7 +175,7 @@ def whiten(campaign: Campaign, core: Core) -> Whitened:
     orders, counts, used, factors, weights, edge_errors = [], [], [], [], [], []
     for group in campaign.groups:
         data = np.stack([block.orders_mps2 for block in group.blocks])
-        count = np.array([block.count for block in group.blocks], dtype=np.float64)
+        count = group.counts
         present = np.isfinite(data).all(axis=0) & np.isfinite(group.variance)
         if not core.mean:
             # A tilt leaks the radial mean, which the model lacks, into the other axes.
@@ -250,7 +255,7 @@ def _dependence(group: Group) -> FloatArray:
     if len(group.blocks) < _MIN_BLOCKS:
         return np.ones((3, 1))
     data = np.stack([block.orders_mps2 for block in group.blocks])
-    counts = np.array([block.count for block in group.blocks], dtype=np.float64)
+    counts = group.counts
     # Orders 2 and up in proportion to omega^2: what drifts of load and speed change is no scatter.
     omega_squared = np.array([block.conditions.omega_radps**2 for block in group.blocks])
     data = data * (group.conditions.omega_radps**2 / omega_squared)[:, None, None]

@@ -106,7 +106,7 @@ def estimates_of(
         index = _first_group(campaign, state)
         suffix = "" if tire_state is None else f" ({_state_name(tire_state)})"
         conditions_known = groups[index].load_known and groups[index].pressure_known
-        values, errors = _mixture(sets, index)
+        values, errors = _mean_of([(weight, *_values_and_errors(fit, index)) for fit, weight in sets])
         for name, value in values.items():
             distances = [abs(value - others[name + suffix].value) for others in better if name + suffix in others]
             errors[name] = math.hypot(errors[name], max(distances, default=0.0))
@@ -171,7 +171,7 @@ def _reference_state(campaign: Campaign) -> int:
     """Return the state with the most revolutions."""
     counts = [0] * campaign.states
     for group in campaign.groups:
-        counts[group.state] += sum(block.count for block in group.blocks)
+        counts[group.state] += group.revolutions
     return int(np.argmax(counts))
 
 
@@ -197,11 +197,6 @@ def _values_and_errors(fit: Fit, index: int) -> tuple[dict[str, float], dict[str
     """Return the estimates of one group's state by one set of effects, and their standard errors."""
     values = _values(fit, fit.vector, index)
     return values, _errors(fit, fit.covariance, index, values)
-
-
-def _mixture(sets: Sequence[tuple[Fit, float]], index: int) -> tuple[dict[str, float], dict[str, float]]:
-    """Return the estimates of one group's state and their standard errors over all sets."""
-    return _mean_of([(weight, *_values_and_errors(fit, index)) for fit, weight in sets])
 
 
 def _mean_of(

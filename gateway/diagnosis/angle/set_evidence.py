@@ -87,9 +87,9 @@ def evaluate(
     applied = discrepancy.applied(discrepancy.start(fit.residual)) if near is None else near
     if near is not None:
         fit, applied = _fit_amplitudes(fit, applied, 1)
-        rough_evidence = log_evidence(fit.moved(_limited(fit)))
-        if rough_evidence < enough:
-            return evaluated_at(fit.moved(_limited(fit)))
+        rough = fit.moved(_limited(fit))
+        if log_evidence(rough) < enough:
+            return evaluated_at(rough)
     fit, applied = _fit_amplitudes(fit, applied, _STEPS)
     for _ in range(_FIT_ROUNDS):
         start = _clipped(fit.vector + _limited(fit), fit)

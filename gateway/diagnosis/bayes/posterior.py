@@ -170,6 +170,11 @@ class PosteriorOver(Generic[SetT]):
         )
 
 
+def by_evidence(effect_set: Weighed) -> tuple[float, list[str]]:
+    """Return the key that sorts sets by evidence, the highest first, and by name where it is equal."""
+    return -effect_set.log_evidence, sorted(effect_set.names)
+
+
 def counted(effect_set: Weighed) -> Names:
     """Return the effects of a set but the impossible ones."""
     return effect_set.names - {name for name, _ in effect_set.objections}
@@ -177,7 +182,7 @@ def counted(effect_set: Weighed) -> Names:
 
 def over(every: Mapping[Names, SetT]) -> PosteriorOver[SetT]:
     """Return the posterior over sets of effects, the set without any among them."""
-    ordered = sorted(every.values(), key=lambda effect_set: (-effect_set.log_evidence, sorted(effect_set.names)))
+    ordered = sorted(every.values(), key=by_evidence)
     stand_in = math.log(criteria.STAND_IN_ODDS)
     mass_of = _shares(
         {

@@ -6,7 +6,7 @@ from typing import Final, Generic
 
 from gateway.core.reasons import Reason
 from gateway.diagnosis import criteria
-from gateway.diagnosis.bayes.posterior import PosteriorOver, SetT
+from gateway.diagnosis.bayes.posterior import PosteriorOver, SetT, by_evidence
 from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.result import Verdict
 
@@ -57,8 +57,7 @@ def judgements(posterior: PosteriorOver[SetT], causes: Container[str] | None = N
             reason = Reason(DiagnosisCode.PROBABILITY_TOO_LOW, probability=probability, needed=criteria.NAMED)
             yield Judgement(name, Verdict.REFUSED, posterior.with_effect(name), reason=reason)
     impossible_sets = sorted(
-        (effect_set for effect_set in posterior.every.values() if effect_set.objections),
-        key=lambda effect_set: (-effect_set.log_evidence, sorted(effect_set.names)),
+        (effect_set for effect_set in posterior.every.values() if effect_set.objections), key=by_evidence
     )
     listed = 0
     for effect_set in impossible_sets:

@@ -311,7 +311,6 @@ def _report_transfer(
     summary = SummaryOutput((json_path, html_path))
     for line in transfer_lines(result, str(known_path)):
         summary(clean(line))
-    assert result.report is not None
     text = json_text(transfer_json(result), indent=2) + "\n"
     _write(
         summary,

@@ -5,6 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
+import numpy as np
+
 from gateway.core.reasons import Reason
 from gateway.core.shown_units import ShownUnits
 from gateway.core.types import BoolArray, ComplexArray, FloatArray
@@ -185,6 +187,16 @@ class Group:
     rates: tuple[WheelRate, ...] = ()
     sensor_doubted: bool = False
 
+    @property
+    def revolutions(self) -> int:
+        """Number of revolutions in its blocks."""
+        return sum(block.count for block in self.blocks)
+
+    @property
+    def counts(self) -> FloatArray:
+        """Number of revolutions in each of its blocks, (blocks,)."""
+        return np.array([block.count for block in self.blocks], dtype=np.float64)
+
 
 @dataclass(frozen=True, slots=True)
 class Campaign:
@@ -227,3 +239,8 @@ class Campaign:
     def folds(self) -> int:
         """Number of folds: the most blocks that any group has."""
         return max(len(group.blocks) for group in self.groups)
+
+    @property
+    def revolutions(self) -> int:
+        """Number of revolutions in all groups."""
+        return sum(group.revolutions for group in self.groups)

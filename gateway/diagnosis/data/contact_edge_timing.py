@@ -11,6 +11,7 @@ from scipy.ndimage import map_coordinates, spline_filter1d
 from gateway.core.types import ComplexArray, FloatArray, IntArray
 from gateway.diagnosis.data.campaign_data import EdgeTiming
 from gateway.diagnosis.data.condition_groups import folded
+from gateway.diagnosis.data.revolution_orders import SIGNS, waveform_orders
 from gateway.diagnosis.data.revolution_scatter import regress, regressors, robust_variance
 from gateway.diagnosis.effects.angle_orders import ORDERS
 from gateway.diagnosis.effects.contact import CONTACT_EDGE_JITTER, EDGE_REACH_RAD
@@ -30,6 +31,8 @@ _STEADY: Final = 1e-3
 _ELSEWHERE_RAD: Final = tuple(math.pi + offset_rad for offset_rad in (-1.0, -0.5, 0.0, 0.5, 1.0))
 # Decrease of the deviance from which revolutions are corrected.
 _EVIDENT_CHI2: Final = 25.0
+# Share of independent values among squares of successive differences, since neighbours share a contact.
+_INDEPENDENT: Final = 2.0 / 3.0
 _POINTS: Final = 512
 _FINER: Final = 2
 _SPLINE: Final = 5
@@ -39,7 +42,6 @@ _FIXED_POINT_ROUNDS: Final = 4
 _MEAN_PERIODS: Final = 9
 _THETA: Final[FloatArray] = -math.pi + (2.0 * math.pi / _POINTS) * np.arange(_POINTS, dtype=np.float64)
 _ORDER: Final[FloatArray] = np.arange(ORDERS, dtype=np.float64)
-_SIGNS: Final[FloatArray] = np.where(np.arange(ORDERS) % 2, -1.0, 1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +124,7 @@ def orders_bent_back(orders_mps2: ComplexArray, early_rad: FloatArray, half_angl
     for begin in range(0, len(orders_mps2), _BATCH_SIZE):
         part = slice(begin, begin + _BATCH_SIZE)
         bent = bent_back(_field(np.nan_to_num(orders_mps2[part])), _THETA, early_rad[part], half_angle_rad)
-        result[part] = _orders(bent)
+        result[part] = waveform_orders(bent)
     result[~present] = complex(math.nan, math.nan)
     return result
 
@@ -220,14 +222,10 @@ def _timing(early: FloatArray, noise: FloatArray, adjacent: IntArray, folds: int
     )
 
 
-# Share of independent values among squares of successive differences, since neighbours share a contact.
-_INDEPENDENT: Final = 2.0 / 3.0
-
-
 def _shapes(mean: ComplexArray, half_angle_rad: float) -> ComplexArray:
     """Return the change of the waveform by an edge that comes 1 rad early, (2, 3, ORDERS)."""
     slope = _field(1j * _ORDER * mean)
-    return _orders(CONTACT_EDGE_JITTER.windows(_THETA, half_angle_rad)[:, None] * slope)
+    return waveform_orders(CONTACT_EDGE_JITTER.windows(_THETA, half_angle_rad)[:, None] * slope)
 
 
 def _amplitudes(residuals: ComplexArray, shapes: ComplexArray, weight: FloatArray) -> FloatArray:
@@ -252,7 +250,7 @@ def _cut_elsewhere(residuals: ComplexArray) -> list[ComplexArray]:
     for angle_rad in _ELSEWHERE_RAD:
         rolled = np.roll(stream, -round(angle_rad / (2.0 * math.pi) * _POINTS), axis=-1)
         cut = np.roll(rolled.reshape(3, -1, _POINTS).transpose(1, 0, 2), _POINTS // 2, axis=-1)
-        elsewhere.append(_orders(cut))
+        elsewhere.append(waveform_orders(cut))
     return elsewhere
 
 
@@ -318,14 +316,7 @@ def _explained(raw: ComplexArray, bent: ComplexArray, rows: FloatArray, half_ang
 def _field(orders: ComplexArray) -> FloatArray:
     """Return curves (..., points) of coefficients (..., ORDERS)."""
     spectrum = np.zeros((*orders.shape[:-1], _POINTS // 2 + 1), dtype=np.complex128)
-    spectrum[..., :ORDERS] = orders * (_SIGNS * (0.5 * _POINTS))
+    spectrum[..., :ORDERS] = orders * (SIGNS * (0.5 * _POINTS))
     spectrum[..., 0] *= 2.0
     field: FloatArray = np.fft.irfft(spectrum, n=_POINTS, axis=-1)
     return field
-
-
-def _orders(field: FloatArray) -> ComplexArray:
-    """Return coefficients (..., ORDERS) of curves (..., points)."""
-    orders: ComplexArray = np.fft.rfft(field, axis=-1)[..., :ORDERS] * (_SIGNS * (2.0 / _POINTS))
-    orders[..., 0] *= 0.5
-    return orders

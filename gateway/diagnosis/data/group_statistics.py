@@ -25,6 +25,7 @@ ASSUMED_LOAD_N: Final = 4000.0
 ASSUMED_PRESSURE_PA: Final = 2.2e5
 
 WILD: Final = Reason(DiagnosisCode.REVOLUTION_UNUSED, why="outlier")
+TOO_FEW_REVOLUTIONS: Final = Reason(DiagnosisCode.REVOLUTION_UNUSED, why="too_few")
 CUT_OFF: Final = Reason(DiagnosisCode.REVOLUTION_UNUSED, why="clipped")
 
 MOST_ALIKE: Final = 5000
@@ -97,9 +98,6 @@ def make_groups(
             chosen = chosen[:MOST_ALIKE]
         groups.append(_group(table, chosen, declared, folds, reject))
     return groups
-
-
-TOO_FEW_REVOLUTIONS: Final = Reason(DiagnosisCode.REVOLUTION_UNUSED, why="too_few")
 
 
 def _usable_rows(table: RevolutionTable, places: IntArray, reject: Callable[[Reason, int], None]) -> IntArray:

@@ -23,6 +23,9 @@ MOST_REVOLUTIONS: Final = 20_000
 TOO_MANY: Final = Reason(DiagnosisCode.REVOLUTION_UNUSED, why="recording_limit", limit=MOST_REVOLUTIONS)
 NOT_MEASURED: Final = Reason(DiagnosisCode.REVOLUTION_UNUSED, why="not_measured")
 
+SIGNS: Final[FloatArray] = np.where(np.arange(ORDERS) % 2, -1.0, 1.0)
+"""Of each order in the transform of a grid that begins at -pi, (ORDERS,)."""
+
 # Share of the Nyquist order up to which the pipeline's interpolation is right within 0.5 %.
 _USABLE_BAND: Final = 0.56
 # Seconds of waveforms kept for each speed, and for a recording.
@@ -33,7 +36,6 @@ _AXES: Final = ("circumferential", "lateral")
 # An axis that varies by less than this in a revolution is not measuring.
 _DEAD_MPS2: Final = 1e-6
 _CUT_OFF: Final = frozenset({EstimateCode.RADIAL_SATURATED, WheelCode.RADIAL_CLIPPED})
-_SIGNS: Final[FloatArray] = np.where(np.arange(ORDERS) % 2, -1.0, 1.0)
 _UNKNOWN: Final = Estimate("", 0.0, math.inf, Status.PROVISIONAL)
 
 
@@ -43,7 +45,7 @@ def waveform_orders(waveform_mps2: FloatArray) -> ComplexArray:
     The grid is theta = -pi + 2 pi k / n, n > 220.
     """
     n = waveform_mps2.shape[-1]
-    orders: ComplexArray = np.fft.rfft(waveform_mps2, axis=-1)[..., :ORDERS] * (_SIGNS * (2.0 / n))
+    orders: ComplexArray = np.fft.rfft(waveform_mps2, axis=-1)[..., :ORDERS] * (SIGNS * (2.0 / n))
     orders[..., 0] *= 0.5
     return orders
 

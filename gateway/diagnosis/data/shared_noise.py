@@ -37,7 +37,7 @@ def repeated_recordings(groups: Sequence[Group]) -> dict[int, int]:
 
 def _mean(group: Group) -> tuple[ComplexArray, FloatArray]:
     """Return the mean of all revolutions and the variance of a coefficient of it, (3, ORDERS) each."""
-    count = np.array([block.count for block in group.blocks], dtype=np.float64)
+    count = group.counts
     orders = np.stack([block.orders_mps2 for block in group.blocks])
     mean: ComplexArray = np.tensordot(count, orders, axes=1) / count.sum()
     return mean, group.variance / count.sum()

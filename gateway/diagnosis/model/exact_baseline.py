@@ -135,7 +135,7 @@ class ExactCore:
         """Return the shape as a grid gives it."""
         if not (options.runout_cosine_m or options.runout_sine_m):
             return self._solve(parameters, conditions, options, nodes).shape
-        round_options = replace(options, runout_cosine_m=0.0, runout_sine_m=0.0)
+        round_options = _without_run_out(options)
         heights = options.runout_cosine_m, options.runout_sine_m
         # A softer ring has the same shape as one loaded more by the same factor.
         solved = [

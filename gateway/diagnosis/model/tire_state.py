@@ -65,7 +65,7 @@ def half_angles_rad(campaign: Campaign) -> list[float]:
         members = [
             (group, factor) for group, factor in zip(campaign.groups, factors, strict=True) if group.state == state
         ]
-        counts = [sum(block.count for block in group.blocks) for group, _ in members]
+        counts = [group.revolutions for group, _ in members]
         angles = [group.half_angle_rad / factor for group, factor in members]
         mean[state] = float(np.average(angles, weights=counts)) if members else math.nan
     return [mean[group.state] * factor for group, factor in zip(campaign.groups, factors, strict=True)]

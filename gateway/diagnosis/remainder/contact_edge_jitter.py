@@ -17,10 +17,12 @@ from gateway.diagnosis.effects.contact import CONTACT_EDGE_JITTER
 from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.result import Finding, Fitted, Verdict
 
-# Sizes and factors of sizes over which likelihoods are summed.
+# Number of sizes over which likelihoods are summed.
 _SIZES: Final = 160
-_FACTORS: Final = 41
-_MAX_SIGMAS: Final = 4.0
+# Values of a normal variate over which they are summed as well, and their weights.
+_NORMAL: Final[FloatArray] = np.linspace(-4.0, 4.0, 41)
+_WEIGHTS: Final[FloatArray] = np.exp(-0.5 * np.square(_NORMAL))
+_LOG_WEIGHTS: Final[FloatArray] = np.log(_WEIGHTS / _WEIGHTS.sum())
 # Folds from which the one of the largest scatter is left out of the evidence.
 _MIN_FOLDS: Final = 3
 
@@ -100,17 +102,14 @@ def _log_evidences(groups: Sequence[Group]) -> tuple[float, float, float]:
     low = 0.01 * CONTACT_EDGE_JITTER.parameters[0].prior_std
     high = math.hypot(*(parameter.high for parameter in CONTACT_EDGE_JITTER.parameters))
     sizes = np.geomspace(low, high, _SIZES)
-    normal = np.linspace(-_MAX_SIGMAS, _MAX_SIGMAS, _FACTORS)
-    weight = np.exp(-0.5 * np.square(normal))
-    log_weight = np.log(weight / weight.sum())
     steady = 0.0
     spread = np.zeros((2, _SIZES))
     for group in groups:
         steady += float(_log_likelihood(group, np.zeros(1))[0])
         for row, width in enumerate((criteria.EDGE_SPREAD, criteria.FREE_SIZE)):
-            trial_sizes = sizes[:, None] * np.exp(width * normal)
+            trial_sizes = sizes[:, None] * np.exp(width * _NORMAL)
             spread[row] += np.logaddexp.reduce(
-                _log_likelihood(group, trial_sizes.ravel()).reshape(trial_sizes.shape) + log_weight, 1
+                _log_likelihood(group, trial_sizes.ravel()).reshape(trial_sizes.shape) + _LOG_WEIGHTS, 1
             )
     common, separate = (float(np.logaddexp.reduce(by_size)) - math.log(_SIZES) for by_size in spread)
     return steady, common, separate
@@ -119,13 +118,11 @@ def _log_evidences(groups: Sequence[Group]) -> tuple[float, float, float]:
 def _log_likelihood(group: Group, rms_m: FloatArray) -> FloatArray:
     """Return the log likelihood of a group's mean squares by jitter of these sizes, (n,)."""
     edges = group.edges
-    normal = np.linspace(-_MAX_SIGMAS, _MAX_SIGMAS, _FACTORS)
-    weight = np.exp(-0.5 * np.square(normal))
-    noise = edges.noise_rad2 * np.exp(criteria.DENSITY_ERROR * normal)
+    noise = edges.noise_rad2 * np.exp(criteria.DENSITY_ERROR * _NORMAL)
     expected = noise + np.square(rms_m / group.conditions.radius_m)[:, None]
     total = sum(edges.freedom)
     mean = sum(f * p for f, p in zip(edges.freedom, edges.power_rad2, strict=True))
-    terms = -0.5 * (total * np.log(expected) + mean / expected) + np.log(weight / weight.sum())
+    terms = -0.5 * (total * np.log(expected) + mean / expected) + _LOG_WEIGHTS
     result: FloatArray = np.logaddexp.reduce(terms, axis=1)
     return result
 

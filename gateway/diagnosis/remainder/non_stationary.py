@@ -94,7 +94,7 @@ def beside_changes(unexplained: Sequence[Unexplained], changes: Sequence[Unexpla
 
 def _change(group: Group, orders: ComplexArray, weights: FloatArray, predicted: ComplexArray) -> _Change | None:
     """Compare the blocks of one group; None for a single block or for blocks of too few revolutions."""
-    counts = np.array([block.count for block in group.blocks], dtype=np.float64)
+    counts = group.counts
     if len(counts) < 2 or counts.min() < _LEAST_REVOLUTIONS:
         return None
     weight = (counts / counts.sum())[:, None, None]

@@ -230,7 +230,7 @@ def _timing_s(group: Group, profiles: _Profiles, number: int, cells: IntArray, m
         mirrored: whether the group's angles are mirrored in the profiles.
     """
     count = profiles.power.shape[-1]
-    weight = np.array([block.count for block in group.blocks], dtype=np.float64)
+    weight = group.counts
     mean = np.tensordot(weight / weight.sum(), np.nan_to_num([block.orders_mps2 for block in group.blocks]), axes=1)
     angles = _angles(_ANGLES_PER_CELL * count).reshape(count, _ANGLES_PER_CELL)
     orders = np.arange(mean.shape[-1])

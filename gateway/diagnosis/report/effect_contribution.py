@@ -109,10 +109,7 @@ def added_by(fit: Fit, effect: AngleEffect) -> list[ComplexArray]:
 def _reference(campaign: Campaign) -> int:
     """Return the largest group of the state with the most revolutions, preferably one rolling forward."""
     forward = any(not group.conditions.reverse for group in campaign.groups)
-    counts = [
-        0 if forward and group.conditions.reverse else sum(block.count for block in group.blocks)
-        for group in campaign.groups
-    ]
+    counts = [0 if forward and group.conditions.reverse else group.revolutions for group in campaign.groups]
     of_state = [0] * campaign.states
     for group, count in zip(campaign.groups, counts, strict=True):
         of_state[group.state] += count

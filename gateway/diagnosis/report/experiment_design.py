@@ -87,7 +87,7 @@ def _distinction(
     conditions = change(reference.conditions)
     # The recording has the same duration, so a lower speed gives fewer revolutions.
     speed_ratio = conditions.omega_radps / reference.conditions.omega_radps
-    count = max(1, round(speed_ratio * sum(block.count for block in reference.blocks)))
+    count = max(1, round(speed_ratio * reference.revolutions))
     larger = with_recording(campaign, conditions, count)
     truth = ClosureModel(larger, final.model.core, final.model.effects)
     vector = carried(final.model, truth, final.vector)
@@ -114,6 +114,5 @@ def _as_predicted(campaign: Campaign, model: ClosureModel, vector: FloatArray) -
     for index, group in enumerate(campaign.groups):
         predicted = model.predict_mean(vector, index)
         orders = np.where(np.isfinite(group.blocks[0].orders_mps2), predicted, complex(math.nan, math.nan))
-        count = sum(block.count for block in group.blocks)
-        groups.append(replace(group, blocks=(Block(count, group.conditions, orders),)))
+        groups.append(replace(group, blocks=(Block(group.revolutions, group.conditions, orders),)))
     return replace(campaign, groups=tuple(groups))

@@ -18,7 +18,7 @@ _AXES: Final = 3
 
 def reference_group(campaign: Campaign) -> Group:
     """Return the group with the most revolutions: another recording is imagined like it."""
-    return max(campaign.groups, key=lambda group: sum(block.count for block in group.blocks))
+    return max(campaign.groups, key=lambda group: group.revolutions)
 
 
 def with_recording(campaign: Campaign, target: GroupConditions, revolutions: int) -> Campaign:

@@ -61,7 +61,7 @@ def most_evident(fit: Fit, data: Whitened) -> Evident | None:
     # At PLACES in place of orders, where a burst is narrow.
     part_answers = [
         _PartAnswer.of(answer, information, index, part, float(np.square(scale).sum()))
-        for (index, (_, _, axis_groups)), parts in zip(fit.applied.discrepancy.enumerate(), answers, strict=True)
+        for index, ((_, axis_groups), parts) in enumerate(zip(fit.applied.discrepancy.axes, answers, strict=True))
         for part, ((answer, information), scale) in enumerate(zip(parts, axis_groups.scales, strict=True))
     ]
     for number, concentration in enumerate(reversed(fit.applied.discrepancy.concentrations), 1):

@@ -29,7 +29,7 @@ from gateway.diagnosis.angle.set_evidence import (
     names_of,
     settled,
 )
-from gateway.diagnosis.bayes.posterior import Names
+from gateway.diagnosis.bayes.posterior import Names, by_evidence
 from gateway.diagnosis.data.campaign_data import Campaign
 from gateway.diagnosis.data.condition_groups import far_apart, has_other_conditions, most_informative
 from gateway.diagnosis.effects.catalogue import corrections
@@ -95,7 +95,7 @@ class SetSearch:
                     np.array([group.recording for group in groups]),
                     np.array([group.state for group in groups]),
                     np.array([group.conditions.omega_radps for group in groups]),
-                    np.array([float(sum(block.count for block in group.blocks)) for group in groups]),
+                    np.array([group.revolutions for group in groups], dtype=np.float64),
                     criteria.SCANNED_GROUPS,
                 ),
                 [group.conditions for group in groups],
@@ -195,7 +195,7 @@ class SetSearch:
         threshold = self.best.log_evidence - criteria.WORTH_GROWTH
         for name in sorted(self.best.names):
             without = [evaluated for names, evaluated in self.evaluations.items() if name not in names]
-            if without and (rival := _best(without)).log_evidence > threshold:
+            if without and (rival := min(without, key=by_evidence)).log_evidence > threshold:
                 yield rival
 
     def _leaders(self) -> Iterator[Evaluated]:
@@ -212,7 +212,7 @@ class SetSearch:
             return
         for included in (expected, frozenset[str]()):
             matching = [evaluated for names, evaluated in self.evaluations.items() if names & expected == included]
-            if matching and (leader := _best(matching)).log_evidence > threshold:
+            if matching and (leader := min(matching, key=by_evidence)).log_evidence > threshold:
                 yield leader
 
     def _concentrate(self) -> bool:
@@ -233,9 +233,7 @@ class SetSearch:
         except np.linalg.LinAlgError:
             return False
         self.evaluations, self.discrepancy = {}, concentrated
-        for evaluated in sorted(
-            previous.values(), key=lambda evaluated: (-evaluated.log_evidence, sorted(evaluated.names))
-        ):
+        for evaluated in sorted(previous.values(), key=by_evidence):
             # Even without time left, the best set and the empty one are needed.
             if not (self.evaluations and evaluated.names and self._stop()):
                 self._evaluate(evaluated.fit, self.best.fit.applied if self.evaluations else initial)
@@ -325,7 +323,7 @@ class SetSearch:
     @property
     def best(self) -> Evaluated:
         """The set of the highest evidence, impossible ones included; of two alike, the one first by name."""
-        return _best(self.evaluations.values())
+        return min(self.evaluations.values(), key=by_evidence)
 
     @property
     def untried(self) -> tuple[str, ...]:
@@ -674,10 +672,6 @@ def baseline_fit(campaign: Campaign, core: Core, data: Whitened) -> Fit:
         FitFailedError: it has no equilibrium near its start.
     """
     return fit_model(ClosureModel(campaign, core), data, from_afar=True)
-
-
-def _best(sets: Iterable[Evaluated]) -> Evaluated:
-    return min(sets, key=lambda evaluated: (-evaluated.log_evidence, sorted(evaluated.names)))
 
 
 def _linear_score(fit: Fit) -> float:

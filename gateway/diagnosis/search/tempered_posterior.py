@@ -10,7 +10,7 @@ from gateway.diagnosis import criteria
 from gateway.diagnosis.angle.likelihood import Whitened
 from gateway.diagnosis.angle.residual import ratios_by_part
 from gateway.diagnosis.angle.set_evidence import Evaluated
-from gateway.diagnosis.bayes.posterior import ByPart, Names, PosteriorOver, over
+from gateway.diagnosis.bayes.posterior import ByPart, Names, PosteriorOver, by_evidence, over
 from gateway.diagnosis.reasons import DiagnosisCode
 from gateway.diagnosis.search.set_search import SetSearch
 
@@ -30,7 +30,7 @@ def doubted_sets(sets: Mapping[Names, Evaluated], data: Whitened) -> tuple[dict[
     ratios = {names: ratios_by_part(evaluated.fit, data) for names, evaluated in sets.items()}
     result = {names: _with_objections(evaluated, ratios) for names, evaluated in sets.items()}
     possible = [evaluated for evaluated in result.values() if not evaluated.objections]
-    best_possible = min(possible, key=lambda evaluated: (-evaluated.log_evidence, sorted(evaluated.names)))
+    best_possible = min(possible, key=by_evidence)
     return result, ByPart(*map(math.sqrt, ratios[best_possible.names]))
 
 

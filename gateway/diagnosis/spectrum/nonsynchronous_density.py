@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import accumulate, pairwise
 from typing import Final
 
 import numpy as np
@@ -144,13 +145,15 @@ class Parts:
         return self.filter_at + FILTER_TERMS * self.low_pass
 
     @property
+    def slices(self) -> tuple[tuple[Component, slice], ...]:
+        """Each component with the slice of its parameters among the shared ones."""
+        ends = accumulate((len(component.prior.mean) for component in self.components), initial=0)
+        return tuple(zip(self.components, (slice(*ends_of) for ends_of in pairwise(ends)), strict=True))
+
+    @property
     def sizes(self) -> tuple[tuple[int, float], ...]:
         """Index of the size of each component, and ln of the range in which its order of magnitude is not known."""
-        sizes, first = [], 0
-        for component in self.components:
-            sizes.append((first, component.decades))
-            first += len(component.prior.mean)
-        return tuple(sizes)
+        return tuple((columns.start, component.decades) for component, columns in self.slices)
 
     @property
     def filter_at(self) -> int:
@@ -175,11 +178,9 @@ class Parts:
         Raises:
             ValueError: there is no such component.
         """
-        first = 0
-        for component in self.components:
+        for component, columns in self.slices:
             if component.name == name:
-                return slice(first, first + len(component.prior.mean))
-            first += len(component.prior.mean)
+                return columns
         raise ValueError(f"{name} is not in the model")
 
 
@@ -249,20 +250,15 @@ def wide_density(
     bins = len(site.first)
     rows = np.zeros((parts.shared, 3, bins))
     total = np.zeros((3, bins))
-    first = 0
-    for component in parts.components:
-        parameters = shared[first : first + len(component.prior.mean)]
-        total += site.wide(component.density(site.index, conditions, grid, parameters))
-        rows[first : first + len(parameters)] = site.wide(
-            component.derivative(site.index, conditions, grid, parameters)
-        )
-        first += len(parameters)
+    for component, columns in parts.slices:
+        total += site.wide(component.density(site.index, conditions, grid, shared[columns]))
+        rows[columns] = site.wide(component.derivative(site.index, conditions, grid, shared[columns]))
     noise = np.repeat(np.exp(level)[:, None], bins, axis=1)
     if parts.low_pass:
-        gain, slopes = _low_pass_gain(site.grid_hz, shared[first:])
+        gain, slopes = _low_pass_gain(site.grid_hz, shared[parts.filter_at :])
         wide_gain = site.wide(gain)
         rows *= wide_gain
-        rows[first:] = (total + noise) * site.wide(slopes)[:, None]
+        rows[parts.filter_at :] = (total + noise) * site.wide(slopes)[:, None]
         total, noise = total * wide_gain, noise * wide_gain
     return total + noise, noise, rows
 
@@ -282,15 +278,12 @@ def full_density(
     """Return the density of noise and the components `included`, and its part that is noise, all bins, (3, m)."""
     frequency = site.spectra.frequency_hz
     total = np.zeros((3, len(frequency)))
-    first = 0
-    for component in parts.components:
-        parameters = shared[first : first + len(component.prior.mean)]
+    for component, columns in parts.slices:
         if component.name in included:
-            density = component.density(site.index, site.spectra.conditions, frequency, parameters)
+            density = component.density(site.index, site.spectra.conditions, frequency, shared[columns])
             total += through_window(density, len(frequency))
-        first += len(parameters)
     noise = np.repeat(np.exp(level)[:, None], len(frequency), axis=1)
     if parts.low_pass:
-        gain, _ = _low_pass_gain(frequency, shared[first:])
+        gain, _ = _low_pass_gain(frequency, shared[parts.filter_at :])
         total, noise = total * gain, noise * gain
     return total + noise, noise

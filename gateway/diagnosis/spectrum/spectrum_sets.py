@@ -67,7 +67,7 @@ class SpectrumSearch:
     """Search over sets of components for those of the highest evidence.
 
     Attributes:
-        found: evidence of every set that was fitted.
+        evaluations: evidence of every set that was fitted.
     """
 
     def __init__(self, sites: Sequence[Site], effects: Sequence[SpectrumEffect]) -> None:

@@ -84,7 +84,7 @@ def parts_left(site: Site, density: FloatArray, noise: FloatArray, level: FloatA
         density
         + criteria.FILTER_TO * np.minimum(filtered, noise)
         + criteria.EXPLAINED_TO * explained
-        + criteria.SIDEBANDS * _running_max(explained, reach)
+        + criteria.SIDEBANDS * maximum_filter1d(explained, 2 * reach + 1, axis=1, mode="nearest")
     )
     parts: list[Part] = []
     for axis in np.flatnonzero(spectra.present).tolist():
@@ -105,10 +105,6 @@ def several_speeds(sites: Sequence[Site]) -> bool:
     """Return whether the groups differ in speed."""
     speeds = [site.spectra.speed_mps for site in sites]
     return max(speeds) > criteria.SPEEDS_APART * min(speeds)
-
-
-def _running_max(values: FloatArray, half: int) -> FloatArray:
-    return maximum_filter1d(values, 2 * half + 1, axis=1, mode="nearest")
 
 
 def _parts(site: Site, axis: int, power: FloatArray, density: FloatArray, allowed: FloatArray) -> list[Part]:

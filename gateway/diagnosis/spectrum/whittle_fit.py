@@ -18,6 +18,7 @@ from gateway.diagnosis.spectrum.nonsynchronous_density import Parts, Site, wide_
 # Standard deviation of ln of the noise density of one sensor between recordings.
 _LEVEL_STD: Final = 0.1
 _MIN_DECREASE: Final = 1e-3
+_MAX_ROUNDS: Final = 25
 _DAMPING_ROUNDS: Final = 6
 # ln of a sensor's noise density in (m/s^2)^2 per Hz: 5 mg per root Hz, to a factor of four.
 _LOG_NOISE: Final = 2.0 * math.log(5e-3 * STANDARD_GRAVITY_MPS2)
@@ -96,9 +97,7 @@ def start_fit(sites: Sequence[Site], observed: Sequence[Observed]) -> SpectrumFi
     return fit_spectra(sites, observed, white)
 
 
-def fit_spectra(
-    sites: Sequence[Site], observed: Sequence[Observed], start: SpectrumFit, rounds: int = 25
-) -> SpectrumFit:
+def fit_spectra(sites: Sequence[Site], observed: Sequence[Observed], start: SpectrumFit) -> SpectrumFit:
     """Return the fit of the highest posterior density, starting from `start`."""
     parts, levels, common, shared = start.parts, start.levels, start.common, start.shared
     prior = parts.prior
@@ -116,7 +115,7 @@ def fit_spectra(
     damping = 1e-3
     first_shared = size + 3
     hessian, gradient = _normal(sites, observed, parts, levels, common, shared)
-    for _ in range(rounds):
+    for _ in range(_MAX_ROUNDS):
         scaled = hessian.copy()
         scaled[range(first_shared, len(scaled)), range(first_shared, len(scaled))] += 1.0 / np.square(prior.std)
         pull = gradient.copy()
@@ -167,16 +166,16 @@ def _likelihood(observation: Observed, density: FloatArray) -> tuple[FloatArray,
     The power over the density is a gamma variate times an error of the density, of inverse-gamma distribution: small
     in a sound bin, of any size in a strange one.
     """
+    nu = np.array([_SOUND_NU, 1.0])[:, None, None]
     ratio = observation.freedom * observation.power / density
     log_power = observation.freedom * np.log(density)
-    total = observation.freedom[None] + np.array([_SOUND_NU, 1.0])[:, None, None] + 1.0
-    shifted_ratio = np.array([_SOUND_NU, 1.0])[:, None, None] + ratio
+    total = observation.freedom[None] + nu + 1.0
+    shifted_ratio = nu + ratio
     log_likelihoods = observation.constant - log_power - total * np.log(shifted_ratio)
     log_likelihoods += np.log(np.array([1.0 - criteria.STRANGE_BINS, criteria.STRANGE_BINS]))[:, None, None]
     log_likelihood = np.logaddexp(log_likelihoods[0], log_likelihoods[1])
     share = np.exp(log_likelihoods - log_likelihood)
     slope = total * ratio / shifted_ratio - observation.freedom
-    nu = np.array([_SOUND_NU, 1.0])[:, None, None]
     information = observation.freedom * (nu + 1.0) / (observation.freedom + nu + 2.0)
     used = observation.freedom > 0.0
     return (
