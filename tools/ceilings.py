@@ -37,10 +37,10 @@ class Ceiling(NamedTuple):
 
 
 CEILINGS: Final[dict[str, Ceiling]] = {
-    "lines of the core": Ceiling(32_000, 40_215),
-    "lines of gateway": Ceiling(95_000, 133_415),
+    "lines of the core": Ceiling(32_000, 40_212),
+    "lines of gateway": Ceiling(95_000, 133_231),
     "lines of tests": Ceiling(58_000, 80_250),
-    "lines of tools": Ceiling(17_000, 25_285),
+    "lines of tools": Ceiling(17_000, 25_289),
     "words of docs": Ceiling(60_000, 60_000),
     "options": Ceiling(120, 91),
     "reason codes": Ceiling(430, 532),

@@ -8,17 +8,17 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from accuracy.cases import BASE_RING, MEASURED_WAVES, RADIUS_M, Case, all_cases, grid_cases, quick_cases
+from accuracy.cases import MEASURED_WAVES, RADIUS_M, Case, grid_cases
 from accuracy.measure import Effort, Outcome, Sample, measure
-from accuracy.signals import samples_of, truth_of
-from accuracy.tables import case_tables, grid_tables, percent, use_tables
+from accuracy.signals import samples_of
+from accuracy.tables import grid_tables
 from bench_independent import campaign_of, read, wave_table
 from bench_validity import main as bench_validity
 from independent_tire.tires import TIRES
 from pydantic import Field
 from validity import ranges
 from validity.bench import Order, ToldRun, judge_tire, told_runs
-from validity.cases import AIMS_PERCENT, CASES, drawn, named
+from validity.cases import CASES, drawn, named
 from validity.judging import Judged
 from validity.later_spoils import EVERY_SPOIL
 from validity.left_out import add_counts, count_left_out, left_out_table
@@ -88,17 +88,6 @@ def test_errors_are_relative_except_for_values_near_zero() -> None:
     assert wear.bias == pytest.approx(0.3)
 
 
-def test_tables_show_every_estimator_with_results(base: Outcome) -> None:
-    tables = [*case_tables([base], NAMES, "noise"), *use_tables([base])]
-    text = "\n".join(table.text(markdown=False) for table in tables)
-    assert "weak-form" in text
-    assert percent(base.long["weak-form", "Bs"].bias, 2) in text
-    assert percent(base.long["kinematic", "speed_mps"].bias) in text
-    rows = [line for line in tables[0].text(markdown=True).splitlines() if line.startswith("|")]
-    assert len({line.count("|") for line in rows}) == 1
-    assert not list(grid_tables([base], NAMES))
-
-
 def test_tables_of_the_grid_count_the_conditions_with_a_value() -> None:
     key, given, none = ("kinematic", "speed_mps"), Sample([0.1, 0.2, 0.3], [0.1] * 3), Sample()
     outcomes = [
@@ -111,20 +100,7 @@ def test_tables_of_the_grid_count_the_conditions_with_a_value() -> None:
     assert [cell.partition(" [")[2] for cell in cells] == ["", "26 of 27]", "25 of 27]"]
 
 
-def test_grid_matches_paper_and_variants_differ() -> None:
-    assert len(list(grid_cases())) == 27
-    cases = all_cases()
-    assert len({(case.group, case.name) for case in cases}) == len(cases)
-    assert {case.rate_hz for case in cases} == {2000.0, 9600.0}
-    assert {case.noise_mg_rthz for case in cases} == {0.125, 5.0, 15.0, 70.0}
-    assert all(case in cases for case in quick_cases())
-    worn = next(case for case in grid_cases() if case.wear_mm == 6.4)
-    assert truth_of(worn).numbers.Bs < 0.3 * BASE_RING.numbers(worn.pressure_pa).Bs
-
-
 QUICK = ("kinematic", "weak-form")
-
-
 RADIUS = "states:tire.radius_mm"
 
 
@@ -190,16 +166,6 @@ def test_share_counts_false_and_missing_estimates() -> None:
     assert result.largest == pytest.approx(5.0)
     assert replace(right, std=0.0).falsely_valid
     assert well_table([right, wrong, missing]).rows
-
-
-def test_cases_have_their_own_names_and_kinds_their_aims() -> None:
-    names = [case.name for case in CASES]
-    assert len(set(names)) == len(names)
-    assert {case.kind for case in CASES} | {"two", "normal"} == AIMS_PERCENT.keys()
-    assert sum(case.kind == "stranger" for case in CASES) >= 30
-    assert [case.name for case in named(["gravel + wet"])] == ["gravel + wet"]
-    with pytest.raises(ValueError, match="no case moonlight"):
-        named(["gravel + moonlight"])
 
 
 def test_every_parameter_has_sizes_or_a_reason_for_none() -> None:

@@ -23,10 +23,7 @@ ORDERS = np.arange(FIRST_ORDER, LAST_ORDER + 1)
 def with_waves(
     seed: int, size: float, course: np.ndarray, *, place_rad: float = 2.0, count: int = COUNT, shape=None
 ) -> TireHistory:
-    """Return a tire whose waveform turns with the speed and the load, with a packet that follows a course.
-
-    The packet's orders are of one size about an angle, or have a `shape`.
-    """
+    """Return a tire whose waveform turns with speed and load, with a packet, or a shape, that follows a course."""
     rng = np.random.default_rng(seed)
     tire = history(seed, count, months=4.0)
     speed = rng.uniform(12.0, 24.0, count)
@@ -91,13 +88,6 @@ def test_place_of_what_changes_on_the_ring_is_within_its_bounds(loss_s, kind):
             low, high = change.ahead_rad
             assert low < ahead_rad < high
     assert {1.0, 1.4, 1.8} <= set(known)
-
-
-def test_place_of_waves_from_everywhere_is_not_known():
-    shape = sum(np.exp(1j * ORDERS * place_rad) for place_rad in (-1.0, -2.0, 2.5))
-    change = structure_change(with_waves(1, 0.02, GROWING, shape=shape))
-    assert change is not None
-    assert change.ahead_rad is None
 
 
 def test_tires_that_do_not_change_have_no_finding():
